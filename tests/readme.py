@@ -11,6 +11,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,15 +19,33 @@ from typing import Any
 import pandas as pd
 
 import wsnsim
-from tests.readme_results import PAPERS, frontier_opening, opening, outcome_table, results, rows_of
+from tests.readme_results import (
+    COUNTED,
+    OUTCOMES,
+    PAPERS,
+    counted_lines,
+    frontier_opening,
+    opening,
+    outcome_table,
+    results,
+    rows_of,
+)
 from tests.readme_tables import TABLES
 from wsnsim.papers.study import PAGES, study
+from wsnsim.papers.table import CLAIM_MARKS, OTHER_BASES
 
 HOME = Path(__file__).parents[1]
 README, DOCS = HOME / "README.md", HOME / "docs"
 BLOCK = r"(<!-- {name}: made by make readme -->\n).*?(<!-- end of {name} -->)"
 REGISTERED = "- registered "
 """How lines with answers to hypotheses begin: docs/frontier.md and docs/duty_cycles.md have these."""
+NOT_COUNTED = re.compile(rf"^\| .* \| (\w+)[^|]* \(({'|'.join(OTHER_BASES)})\) \|$")
+"""A row of a claim that is not counted: its outcome, and what it rests on."""
+MAIN = {
+    "jiang2013": r"\(figure [89]\) \|",
+    "li2012": r"300 < .*(median error of steps 1 to 20 \(|median delay at the main node|unnecessary wake-ups)",
+}
+"""Rows of claims that are not counted and yet shown, since the paper is about them."""
 CAMPAIGNS = HOME / "results/reproduce/full"
 FIGURES = HOME / "results/figures"
 OTHER = "other commits"
@@ -44,7 +63,7 @@ Made = Callable[[str], str]
 
 
 def reproduced(name: str) -> str:
-    """A row for each claim of a paper, as `wsnsim reproduce` gives them in Markdown; all rows go into a CSV file.
+    """A row for each claim of a paper that is counted, as `wsnsim reproduce` gives them; all rows go into a CSV file.
 
     It also draws the paper's figures.
     """
@@ -54,7 +73,30 @@ def reproduced(name: str) -> str:
         for form in ("--json", "--markdown")
     )
     store_rows(name, json.loads(rows)["rows"])
-    return "\n".join(line for line in said.strip().splitlines() if not line.startswith(REGISTERED))
+    store_count(name, said)
+    return shortened(name, said)
+
+
+def store_count(name: str, said: str) -> None:
+    """Replace the line of a paper in docs/papers/counted.txt: how many of its claims have each outcome."""
+    (line,) = re.findall(rf"^- {name}: .*", said, re.MULTILINE)
+    COUNTED.write_text(re.sub(rf"^- {name}: .*", lambda _: line, counted_lines(), flags=re.MULTILINE), encoding="utf-8")
+
+
+def shortened(name: str, said: str) -> str:
+    """The claims of a paper that are counted or MAIN; of the others, how many have each outcome."""
+    lines = [line for line in said.splitlines() if not line.startswith(REGISTERED)]
+    apart = [line for line in lines if NOT_COUNTED.search(line) and not re.search(MAIN.get(name, "$^"), line)]
+    others: dict[str, Counter[str]] = {}
+    for found in filter(None, map(NOT_COUNTED.search, apart)):
+        others.setdefault(found[2], Counter())[found[1]] += 1
+    rows = [line for line in lines if line.startswith("| ") and line not in apart]
+    marks = {name, *(mark for mark in CLAIM_MARKS if mark not in "\n".join(rows))}
+    notes = [line for line in lines if line.startswith("- ") and line[2:].partition(": ")[0] not in marks]
+    for basis, of in others.items():
+        outcomes = ", ".join(f"{of[word]} {word}" for word in OUTCOMES if of[word])
+        notes.append(f"- ({basis}), not counted, in [{name}.csv]({name}.csv) alone: {outcomes}")
+    return "\n".join([*rows, "", *notes])
 
 
 def store_rows(name: str, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -17,6 +17,7 @@ from wsnsim.papers.counts import KINDS
 from wsnsim.papers.table import OUT_OF_REACH
 
 DOCS = Path(__file__).parents[1] / "docs"
+COUNTED = DOCS / "papers/counted.txt"
 PAPERS = ("jiang2013", "liu2012", "wei2022", "ruan2020", "li2012")
 OUTCOMES = ("reproduced", "contradicted", "undecided", "dependent")
 """The first words of the outcomes of claims."""
@@ -34,9 +35,9 @@ def results() -> str:
     )
 
 
-def page(name: str) -> str:
-    """The text of a page of docs/papers."""
-    return (DOCS / "papers" / f"{name}.md").read_text(encoding="utf-8")
+def counted_lines() -> str:
+    """A line for each paper: how many of its claims have each outcome, as `wsnsim reproduce` says."""
+    return COUNTED.read_text(encoding="utf-8")
 
 
 def rows(name: str) -> Any:
@@ -49,7 +50,7 @@ def counted(name: str) -> dict[str, Counter[str]]:
 
     'never undecided' are those of them that no number of our runs could have reproduced.
     """
-    found = re.search(COUNT_LINE.format(name), page(name), re.MULTILINE)
+    found = re.search(COUNT_LINE.format(name), counted_lines(), re.MULTILINE)
     counts: dict[str, Counter[str]] = {kind: Counter() for kind in KINDS}
     for part in found[1].split("; ") if found else ():
         kind = next(kind for kind in KINDS if f" {kind.removesuffix('s')}" in part)
@@ -60,7 +61,7 @@ def counted(name: str) -> dict[str, Counter[str]]:
 
 def readings(name: str) -> int:
     """The most readings of the paper that count for a claim."""
-    found = re.search(COUNT_LINE.format(name), page(name), re.MULTILINE)
+    found = re.search(COUNT_LINE.format(name), counted_lines(), re.MULTILINE)
     return int(found[2]) if found else 1
 
 
@@ -144,9 +145,10 @@ def fairness() -> str:
     """Jiang's comparison as printed, and with a process noise that suits the rival."""
     rmse = measured("jiang2013", "RMSE, m")
     return (
-        f"**Settings decide more than methods.** As printed, PSO-MHPF has the lowest RMSE of Jiang's filters: "
-        f"{rmse['pso_mhpf']:.2f} m, PPF {rmse['ppf']:.1f} m, IPF {rmse['ipf']:.1f} m. With a hundred times the process "
-        f"noise in the filter PPF has {rmse['ppf, noise x100']:.2f} m: [Jiang 2013](docs/papers/jiang2013.md)."
+        f"**Settings decide more than methods.** As printed in [Jiang 2013](docs/papers/jiang2013.md), the filter "
+        f"PSO-MHPF has an RMSE of {rmse['pso_mhpf']:.2f} m, its rivals PPF and IPF {rmse['ppf']:.1f} m and "
+        f"{rmse['ipf']:.1f} m. If it assumes a hundred times the process noise, PPF has "
+        f"{rmse['ppf, noise x100']:.2f} m."
     )
 
 
@@ -205,7 +207,7 @@ def _of(found: Sequence[float]) -> str:
 
 
 def information() -> str:
-    """The accuracy and energy of `information_driven` on the ideal radio, beside the cheapest of the others."""
+    """The accuracy and energy of `information_driven` on the ideal radio, beside the cheapest rivals near it."""
     ours = at_the_bound()
     strategies = {row["variant"]: row for row in rows("frontier")["frontier"]["strategies"]}
     others = [
@@ -213,20 +215,24 @@ def information() -> str:
         if name.startswith("ideal: ") and "information_driven" not in name and row["in_time"] >= 0.9
         and row["rmse"] <= 1.5 * ours["rmse"][0]
     ]  # fmt: skip
-    none, one = (min((row for row in others if round(row["lost"] * row["runs"]) <= most), key=itemgetter("energy"))
-                 for most in (0, 1))  # fmt: skip
+    cheapest = (
+        min((row for row in others if round(row["lost"] * row["runs"]) <= most), key=itemgetter("energy"))
+        for most in (0, 1)
+    )
+    near = [_rival(row) for row in {row["variant"]: row for row in cheapest}.values()]
     return (
-        f"**Ask only for readings that are worth their energy.** So does the tracker `information_driven`: on an ideal "
-        f"radio it has an error of {ours['rmse'][0]:.2f} m, {_of(ours['medians'])} times the bound, for "
-        f"{ours['energy'][0]:.2f} J. No other strategy with an error below {1.5 * ours['rmse'][0]:.2f} m kept its "
-        f"target in all of {none['runs']} runs for less than {none['energy']:.2f} J ({_named(none)}); with one loss in "
-        f"{one['runs']} runs, {one['energy']:.2f} J suffice ({_named(one)}): [error against energy](docs/frontier.md)."
+        f"**Ask only for readings that are worth their energy.** The tracker `information_driven` does: on an ideal "
+        f"radio its error is {ours['rmse'][0]:.2f} m, {_of(ours['medians'])} times the bound, for "
+        f"{ours['energy'][0]:.2f} J. {'Two rivals come' if len(near) > 1 else 'One rival comes'} near: "
+        f"{'; '.join(near)}: [error against energy](docs/frontier.md)."
     )
 
 
-def _named(row: Any) -> str:
-    """A strategy with its error."""
-    return f"`{row['variant'].removeprefix('ideal: ')}`, {row['rmse']:.2f} m"
+def _rival(row: Any) -> str:
+    """A strategy with its error, its energy and the runs in which it lost its target."""
+    lost = round(row["lost"] * row["runs"])
+    but = f", but lost its target in {lost} of {row['runs']} runs" if lost else ""
+    return f"`{row['variant'].removeprefix('ideal: ')}` has {row['rmse']:.2f} m for {row['energy']:.2f} J{but}"
 
 
 def recordings() -> str:

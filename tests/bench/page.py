@@ -22,13 +22,12 @@ ROWS, PAGE, TABLE, FIGURE = (HOME / "docs" / f"performance.{ending}" for ending 
 GROUPS = ("lossy", "seam", "filters", "batch", "startup", "sleeping", "scale", "campaigns", "results", "scenarios")
 """Groups of `tests.bench.measures.GROUPS` whose rows are published."""
 SHOWN = (
-    *(f"{name}: CPU of one run" for name in ("pso_mhpf", "pso_mhpf_real", "ekf_real", "central_pf_real", "jiang_field",
-                                             "gmtt", "field_1m", "beacons", "indoor_gpf")),
+    *(f"{name}: CPU of one run"
+      for name in ("pso_mhpf", "pso_mhpf_real", "jiang_field", "gmtt", "field_1m", "beacons")),
     "10,000 standalone runs of the bootstrap filter (ungm_pf), batch over composed",
     "first run after installation ready within, wall",
     "the same with kernels cached, wall",
     "wsnsim run field_1m, memory in all",
-    "local pool: a task that does nothing, 2 workers, wall",
     "beacons, log-normal, N=400: ours / ns-3's receptions a CPU second",
 )  # fmt: skip
 """Names of the rows that the page shows."""

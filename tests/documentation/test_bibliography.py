@@ -51,7 +51,7 @@ def test_a_doi_stands_once_and_has_the_form_of_one():
 def test_every_source_of_the_glossary_is_in_the_bibliography_or_named_in_full():
     rows = [line.strip("| ").split(" | ") for line in text("docs/glossary.md").splitlines() if line.startswith("| ")]
     sources = {part.strip() for row in rows for part in row[-1].split(";") if row[0] not in ("term", "---")}
-    short = set(re.findall(r"In the glossary: ([^.]+(?:\.[\d.-]+\d)?)\.", PAGE)) | NO_PUBLICATION
+    short = set(re.findall(r"Short: ([^.]+(?:\.[\d.-]+\d)?)\.", PAGE)) | NO_PUBLICATION
     unknown = [
         source
         for source in sources

@@ -99,4 +99,8 @@ def test_answers_without_a_replication_are_counted():
         " Of `jiang_again`, which needs 6 runs of each point, these have fewer: ekf, csma (4)."
     )
     assert page.files(found)["duty_cycles_answers.csv"].splitlines()[-1] == '15: a > 1,"1 [0.9, 1.1]",yes,-,not run'
-    assert page._answers(found).splitlines()[16].endswith("it is above 1.2. | **yes** | - |")
+    answered = page.files(found)["duty_cycles_hypotheses.csv"].splitlines()
+    assert answered[15].startswith("15,") and answered[15].endswith(",yes,-")
+    assert (
+        page.blocks(found)["counts"].splitlines()[1] == "- replication: Of 1 hypotheses: 1 yes (2), 0 no, 0 undecided."
+    )

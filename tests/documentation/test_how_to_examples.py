@@ -93,6 +93,14 @@ def test_a_guide_is_short():
     assert {name: words for name, words in long.items() if words > 900} == {}
 
 
+def test_all_pages_that_are_written_by_hand_have_at_most_55_000_words():
+    reference = {ROOT / "docs/reference" / f"{name}.md" for name in ("index", "python", "stability", "study")}
+    pages = [page for page in (ROOT / "docs").rglob("*.md") if "reference" not in page.parts or page in reference]
+    pages += [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
+    assert len(pages) > 80
+    assert sum(len(page.read_text(encoding="utf-8").split()) for page in pages) <= 55_000
+
+
 def test_every_package_is_shown():
     shown = set(re.findall(r"^  (\w+)(?:/|\.py) ", text("docs/explanation/architecture.md"), re.MULTILINE))
     packages = {

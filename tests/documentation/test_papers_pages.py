@@ -1,4 +1,4 @@
-"""The pages of the papers have a row for each claim, the files beside them all rows."""
+"""The pages of the papers have a row for each counted claim, the files beside them all rows."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from tests.readme_results import rows_of
 from tests.readme_tables import RADIO_ROWS, commercial_radio
 from wsnsim.papers.counts import OUTCOMES
 from wsnsim.papers.study import PAGES, PAPERS, study
+from wsnsim.papers.table import OTHER_BASES
 
 
 @pytest.mark.parametrize("name", PAPERS)
@@ -27,13 +28,18 @@ def test_the_file_of_a_paper_has_rows_for_each_claim_with_what_was_published(nam
 
 
 @pytest.mark.parametrize("name", PAPERS)
-def test_the_page_of_a_paper_has_a_row_for_each_claim_that_its_file_judges(name):
-    rows = [line for line in block(f"docs/papers/{name}.md", name).splitlines() if line.startswith("| ")]
+def test_the_page_of_a_paper_has_a_row_for_each_counted_claim_and_counts_the_others(name):
+    lines = block(f"docs/papers/{name}.md", name).splitlines()
+    rows = [line for line in lines if line.startswith("| ")]
+    others = " ".join(line for line in lines if " not counted, in " in line)
     found = pd.read_csv(rows_of(name), keep_default_na=False)
     judged = found[(found["literal"] == True) & (found["paired"] == False)]  # noqa: E712 (columns of pandas)
     judged = judged[judged["verdict"].isin(OUTCOMES) & ~judged["kind"].str.startswith("derived")]
     claims = judged.drop_duplicates(["where", "quantity", "variant", "basis"])
-    assert len(rows) - 2 == len(claims) > 4
+    shown = [any(f"({basis}) |" in row for basis in OTHER_BASES) for row in rows[2:]]
+    assert shown.count(False) == (claims["basis"] == "evidence").sum() > 2
+    apart = sum(map(int, re.findall(r"(\d+) [a-z]+", others.partition(": ")[2])))
+    assert shown.count(True) + apart == (claims["basis"] != "evidence").sum()
     assert f"({name}.csv)" in text(f"docs/papers/{name}.md")
 
 

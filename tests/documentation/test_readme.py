@@ -54,7 +54,7 @@ def test_outcomes_are_read_from_a_count_line_and_words_that_depend_on_the_readin
     line = ("- wei2022: 9 printed numbers: 7 contradicted (3 of which no number of our runs could have reproduced), "
             "2 undecided (1 of which no number of our runs could have reproduced); "
             "3 in words: 2 undecided, 1 dependent on the reading; 8 readings counted at most")  # fmt: skip
-    monkeypatch.setattr(readme_results, "page", lambda name: line)
+    monkeypatch.setattr(readme_results, "counted_lines", lambda: line)
     monkeypatch.setattr(readme_results, "PAPERS", ("wei2022",))
     numbers, words, derived = counted("wei2022").values()
     assert numbers == {"contradicted": 7, "never contradicted": 3, "undecided": 2, "never undecided": 1}

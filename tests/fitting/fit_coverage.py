@@ -2,7 +2,7 @@
 
 python -m tests.fitting.fit_coverage docs [DESIGN ...]     fit 1,000 recordings of each design, or of those alone; write
                                                            the outcomes of all fits into fit_coverage.json beside this
-                                                           file, and the table into the page
+                                                           file, the table beside the page, and its ends into it
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 import numpy as np
+import pandas as pd
 from scipy import stats
 
 from tests.helpers.recorded_walks import HEIGHT, Walks
@@ -27,6 +28,9 @@ from wsnsim.fitting.result import Fit
 FITS: Final = 1_000
 HELD: Final = Path(__file__).with_name("fit_coverage.json")
 PAGE: Final = "explanation/fits.md"
+TABLE: Final = "explanation/fit_coverage.csv"
+HOLD, ROUGHLY = "hold the truth [%]", "approximate ones that do [%]"
+COLUMNS: Final = ("design", "what it is", "quantity", HOLD, "fits", ROUGHLY, "approximate fits")
 MARKS: Final = ("<!-- coverage: begin -->\n", "<!-- coverage: end -->\n")
 ANCHORS: Final = np.array([(0.0, 0.0), (30.0, 0.0), (30.0, 40.0), (0.0, 40.0)])
 POINTS: Final = np.array([(5.0, 7.0), (22.0, 12.0), (14.0, 31.0), (9.0, 22.0), (25.0, 33.0)])
@@ -163,27 +167,44 @@ def below(outcomes: Outcomes) -> dict[tuple[str, str], float]:
     return found
 
 
+def shares(outcomes: Outcomes) -> pd.DataFrame:
+    """Per cent of the intervals that hold the truth, a row for each design and quantity; approximate ones apart."""
+    rows = []
+    for design, row in outcomes.items():
+        for name, text in row.items():
+            counts = [(text.count(holds), text.count(misses))
+                      for holds, misses in ((HOLDS, MISSES), (ROUGHLY_HOLDS, ROUGHLY_MISSES))]  # fmt: skip
+            found = [100.0 * holds / (holds + misses) if holds + misses else np.nan for holds, misses in counts]
+            rows.append((design, DESIGNS[design].words, name, found[0], sum(counts[0]), found[1], sum(counts[1])))
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def table(outcomes: Outcomes) -> str:
+    """All shares as CSV."""
+    return shares(outcomes).to_csv(index=False, float_format="%.1f", lineterminator="\n")
+
+
 def markdown(outcomes: Outcomes) -> str:
-    """The table in Markdown: per cent of the intervals that hold the truth, a column for each design."""
-    names = sorted({name: 0 for row in outcomes.values() for name in row}, key=lambda name: name in (SHADOWED, FAMILY))
-    lines = ["| hold the truth [%] | " + " | ".join(outcomes) + " |", "| --- " * (1 + len(outcomes)) + "|"]
-    lines += [f"| {name} | {' | '.join(_cell(row.get(name, '')) for row in outcomes.values())} |" for name in names]
-    least = f"The least p of an interval that is not said to be approximate is {min(below(outcomes).values()):.2g}."
-    return "\n".join([*(f"- {name}: {design.words}." for name, design in DESIGNS.items()), "", *lines, "", least, ""])
-
-
-def _cell(text: str) -> str:
-    """The share that holds the truth; behind ≈, of the fits whose interval is said to be approximate."""
-    shares = [
-        f"{mark}{100 * text.count(holds) / fits:.1f}"
-        for mark, holds, misses in (("", HOLDS, MISSES), ("≈ ", ROUGHLY_HOLDS, ROUGHLY_MISSES))
-        if (fits := text.count(holds) + text.count(misses))
+    """The least and the largest share of all designs, in Markdown."""
+    found = shares(outcomes)
+    decided = found["quantity"].isin((SHADOWED, FAMILY))
+    lines = [
+        f"- an interval holds the truth: {_range(found[HOLD][~decided])}; least p: {min(below(outcomes).values()):.2g}",
+        f"- one that is said to be approximate: {_range(found[ROUGHLY][~decided])}",
+        *(
+            f"- {name}, rightly decided: {_range(found[HOLD][found['quantity'] == name])}"
+            for name in (SHADOWED, FAMILY)
+        ),
     ]
-    return ", ".join(shares)
+    return "\n".join([*lines, ""])
+
+
+def _range(values: pd.Series) -> str:
+    return f"{values.min():.1f} to {values.max():.1f} %"
 
 
 def in_document(text: str) -> str:
-    """The table that a page holds."""
+    """The ends that a page holds."""
     return text.partition(MARKS[0])[2].partition(MARKS[1])[0]
 
 
@@ -193,7 +214,7 @@ def held() -> Outcomes:
 
 
 def main() -> None:
-    """Fit all recordings, and write outcomes and table."""
+    """Fit all recordings, and write outcomes, table and page."""
     chosen = sys.argv[2:] or DESIGNS
     outcomes = {name: DESIGNS[name].outcomes(FITS) if name in chosen else held()[name] for name in DESIGNS}
     HELD.write_text(json.dumps(outcomes, indent=1) + "\n", encoding="utf-8")
@@ -203,6 +224,7 @@ def main() -> None:
         pattern, lambda _: MARKS[0] + markdown(outcomes) + MARKS[1], page.read_text(encoding="utf-8"), flags=re.DOTALL
     )
     page.write_text(text, encoding="utf-8")
+    page.with_name(Path(TABLE).name).write_text(table(outcomes), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -30,8 +30,9 @@ def test_the_stored_outcomes_are_those_of_new_fits(design: str, fits: int) -> No
 
 
 def test_the_page_shows_the_stored_outcomes() -> None:
-    table = fit_coverage.in_document(PAGE.read_text(encoding="utf-8"))
-    assert table == fit_coverage.markdown(fit_coverage.held())
+    held = fit_coverage.held()
+    assert fit_coverage.in_document(PAGE.read_text(encoding="utf-8")) == fit_coverage.markdown(held)
+    assert PAGE.parents[1].joinpath(fit_coverage.TABLE).read_text(encoding="utf-8") == fit_coverage.table(held)
 
 
 def test_a_sandwich_of_tiny_blocks_is_noticed() -> None:

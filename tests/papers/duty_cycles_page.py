@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.page import write_blocks
-from tests.papers.page_files import answer_table, as_csv, hypotheses, write_files
+from tests.papers.page_files import answer_rows, as_csv, counts, write_files
 from tests.papers.studies import module
 from wsnsim.analysis import statistics
 from wsnsim.base.arrays import Bools
@@ -127,7 +127,7 @@ def _common(data: Data, variant: str, table: str) -> Bools:
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """{name of a block of the page: its text}."""
     return {
-        "answers": _answers(found),
+        "counts": "\n".join(f"- {study}: {counts(of)}" for study, of in _by_number(found).items()),
         "changed": _changed(found),
         "shared_cells": _shared_cells(found),
         "price": _price(found),
@@ -135,7 +135,7 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
 
 
 def files(found: Mapping[str, Any]) -> dict[str, str]:
-    """{name of a CSV file beside the page: its text}: all rows, best intervals and answers."""
+    """{name of a CSV file beside the page: its text}: all rows, best intervals, answers."""
     rows = [{"experiment": name, "tracker, MAC": variant, **row} for name in (*EXPERIMENTS, EXACT)
             for variant, row in found.get(name, {}).get("rows", {}).items()]  # fmt: skip
     waiting = found.get("waiting", {"rows": {}})["rows"]
@@ -145,7 +145,8 @@ def files(found: Mapping[str, Any]) -> dict[str, str]:
     heads = ("hypothesis", "first study", "answer", "replication", "answer of the replication")
     answers = [dict(zip(heads, (words, *_said(first), *_said(again)), strict=True))
                for words, first, again in compared(found)]  # fmt: skip
-    parts = {"rows": rows, "best": best, "answers": answers}
+    said = answer_rows("duty_cycles", _by_number(found))
+    parts = {"rows": rows, "best": best, "answers": answers, "hypotheses": said}
     return {f"duty_cycles_{name}.csv": as_csv(content) for name, content in parts.items()}
 
 
@@ -165,12 +166,13 @@ def number(words: str) -> int:
     return int(words.partition(":")[0])
 
 
-def _answers(found: Mapping[str, Any]) -> str:
+def _by_number(found: Mapping[str, Any]) -> dict[str, dict[int, list[str]]]:
+    """The answers to the tests of each hypothesis, in the first study and in the replication."""
     first, again = ({}, {})
     for words, one, other in compared(found):
         first.setdefault(number(words), []).append(one["answer"])
         again.setdefault(number(words), []).extend([other["answer"]] if other else [])
-    return answer_table(("first study", "replication"), hypotheses("duty_cycles"), (first, again))
+    return {"first study": first, "replication": again}
 
 
 def _said(answer: Mapping[str, Any] | None) -> tuple[str, str]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.page import write_blocks
-from tests.papers.page_files import as_csv, write_files
+from tests.papers.page_files import as_csv, counts, write_files
 from tests.papers.studies import module
 from wsnsim.analysis import statistics
 from wsnsim.papers.measures import Data
@@ -27,7 +27,10 @@ PAGE, ROWS = HOME / "docs/few_bits.md", HOME / "docs/few_bits.json"
 CAMPAIGN = HOME / "results/reproduce/full/few_bits/bits"
 LEVELS = {"error": ("error, m", "median"), "energy": ("energy, J", "mean"), "traffic": ("traffic, J", "mean")}
 """Measures, their columns, and the statistic over runs beside the ratio."""
-BITS = (1, 2, 4, 8)
+SHOWN = ("ideal: pf, fixed 8", "ideal: pf, fixed 1", "ideal: pf, adaptive 2", "ideal: pf, adaptive 1",
+         "ideal: ekf, fixed 1", "ideal: ekf, adaptive 1", "xmac 125: pf, fixed 8", "xmac 125: pf, fixed 1",
+         "xmac 125: pf, adaptive 2", "xmac 250: pf, fixed 1")  # fmt: skip
+"""Rows of the page; the file has all."""
 
 
 def content(data: Data) -> dict[str, Any]:
@@ -51,21 +54,17 @@ def _row(data: Data, variant: str) -> dict[str, Any]:
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """{name of a block of the page: its text}."""
-    rows = found["rows"]
-    return {
-        "answers": answers(found["tests"]), "counts": counts(found["tests"]), "conclusions": _conclusions(rows),
-        "ratios": _ratios(rows),
-    }  # fmt: skip
+    return {"counts": counts(answers(found["tests"])), "rows": _shown(found["rows"])}
 
 
 def files(found: Mapping[str, Any]) -> dict[str, str]:
-    """{name of the CSV file beside the page: its text}: all rows, with ratios to readings in full."""
+    """{name of a CSV file beside the page: its text}: all rows, with ratios to readings in full, and the tests."""
     rows = []
     for name, row in found["rows"].items():
         figures = {f"{words} ({statistic})": row["levels"][measure] for measure, (words, statistic) in LEVELS.items()}
         ratios = {f"{measure} over full": row["ratios"][measure][:3] for measure in LEVELS}
         rows.append({"radio: tracker, readings": name, "runs": row["runs"], "lost": row["lost"], **figures, **ratios})
-    return {"few_bits.csv": as_csv(rows)}
+    return {"few_bits.csv": as_csv(rows), "few_bits_tests.csv": rows_of_tests(found["tests"])}
 
 
 def answer(words: Iterable[str]) -> str:
@@ -82,70 +81,22 @@ def by_number(tests: Iterable[Mapping[str, Any]]) -> dict[int, list[Mapping[str,
     return found
 
 
-def answers(tests: Sequence[Mapping[str, Any]]) -> str:
-    rows = []
-    for number, these in by_number(tests).items():
-        words = " and ".join([these[0]["words"].partition(": ")[2], *(f"< {each['below']:g}" for each in these[1:])])
-        p = max(each["p_holm"] for each in these)
-        rows.append([str(number), words, interval(these[0]["found"]), f"{p:.2g}",
-                     f"**{answer(each['answer'] for each in these)}**"])  # fmt: skip
-    return table(["", "hypothesis", "found [95 %]", "p (Holm)", "answer"], rows)
+def answers(tests: Iterable[Mapping[str, Any]]) -> dict[int, list[str]]:
+    """The answer to each hypothesis."""
+    return {number: [answer(each["answer"] for each in these)] for number, these in by_number(tests).items()}
 
 
-def counts(tests: Sequence[Mapping[str, Any]]) -> str:
-    """How many hypotheses have each answer, and which."""
-    found = {number: answer(each["answer"] for each in these) for number, these in by_number(tests).items()}
-    said = []
-    for word in ("yes", "no", "undecided"):
-        numbers = [str(number) for number, each in found.items() if each == word]
-        said.append(f"{len(numbers)} {word}" + f" ({', '.join(numbers)})" * bool(numbers))
-    return f"Of {len(found)} hypotheses: {', '.join(said)}."
+def rows_of_tests(tests: Iterable[Mapping[str, Any]]) -> str:
+    """A row for each registered test as CSV: its words, what was found, p after Holm's correction, and the answer."""
+    return as_csv({"number": each["number"], "test": each["words"].partition(": ")[2], "found": each["found"][:3],
+                   "p (Holm)": each["p_holm"], "answer": each["answer"]} for each in tests)  # fmt: skip
 
 
-def _conclusions(rows: Mapping[str, Mapping[str, Any]]) -> str:
-    """What bits, their loss and thresholds that adapt change, in figures."""
-
-    def over(variant: str, measure: str) -> str:
-        return interval(rows[variant]["ratios"][measure])
-
-    eight, one, adaptive = "pf, fixed 8", "pf, fixed 1", "pf, adaptive 2"
-    radios = ("ideal", "xmac 125")
-    return "\n".join([
-        f"- **Bits alone**: 8 fixed bits have {over(f'ideal: {eight}', 'error')} times the error of full readings on"
-        f" the ideal radio and {over(f'xmac 125: {eight}', 'error')} times on X-MAC at 125 ms. Their traffic is"
-        f" {over(f'ideal: {eight}', 'traffic')} times that of full readings on the ideal radio,"
-        f" {over(f'xmac 125: {eight}', 'traffic')} times on X-MAC, and the network's energy on X-MAC"
-        f" {over(f'xmac 125: {eight}', 'energy')} times.",
-        f"- **One bit**: 1 fixed bit spends {over(f'ideal: {one}', 'traffic')} times the traffic on the ideal radio,"
-        f" {over(f'xmac 125: {one}', 'traffic')} times on X-MAC at 125 ms and {over(f'xmac 250: {one}', 'traffic')}"
-        f" times at 250 ms, has {over(f'ideal: {one}', 'error')}, {over(f'xmac 125: {one}', 'error')} and"
-        f" {over(f'xmac 250: {one}', 'error')} times the error, and loses the target in"
-        f" {', '.join(str(rows[f'{radio}: {one}']['lost']) for radio in (*radios, 'xmac 250'))} of"
-        f" {rows[f'ideal: {one}']['runs']} runs.",
-        "- **Thresholds that adapt**: 2 adaptive bits have "
-        + " and ".join(f"{over(f'{radio}: {adaptive}', 'error')} times the error and"
-                       f" {over(f'{radio}: {adaptive}', 'traffic')} times the traffic of full readings ({radio})"
-                       for radio in radios) + ".",
-        f"- **Gaussian filters**: with 1 fixed bit, `ekf` loses the target in {rows['ideal: ekf, fixed 1']['lost']} of"
-        f" {rows['ideal: ekf, fixed 1']['runs']} runs on the ideal radio, `pf` in {rows[f'ideal: {one}']['lost']}; with"
-        f" 1 adaptive bit, {rows['ideal: ekf, adaptive 1']['lost']} and {rows['ideal: pf, adaptive 1']['lost']}.",
-    ])  # fmt: skip
-
-
-def _ratios(rows: Mapping[str, Mapping[str, Any]]) -> str:
-    """A line for each radio: what the bits of the particle filter's readings change."""
-    lines = []
-    for radio in dict.fromkeys(name.partition(":")[0] for name in rows):
-        for kind in ("fixed", "adaptive"):
-            names = {bits: f"{radio}: pf, {kind} {bits}" for bits in BITS if f"{radio}: pf, {kind} {bits}" in rows}
-            said = [_said(measure, [rows[name]["ratios"][measure][0] for name in names.values()]) for measure in LEVELS]
-            counts = ", ".join(map(str, names))
-            lines.append(f"- {radio}, {kind}, {counts} bit{'s' * (len(names) > 1)}, over full: {'; '.join(said)}")
-    return "\n".join(lines)
-
-
-def _said(measure: str, values: Iterable[float]) -> str:
-    return f"{measure} {', '.join(f'{value:.2f}' for value in values)}"
+def _shown(rows: Mapping[str, Mapping[str, Any]]) -> str:
+    """What few bits and thresholds that adapt change: ratios to readings in full, and runs that lost the target."""
+    cells = [[name, *(interval(rows[name]["ratios"][measure]) for measure in ("error", "traffic", "energy")),
+              f"{rows[name]['lost']} of {rows[name]['runs']}"] for name in SHOWN]  # fmt: skip
+    return table(["radio: tracker, readings", "error", "traffic", "energy", "runs lost"], cells)
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -154,7 +105,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def interval(found: Sequence[float]) -> str:
-    return "{:.3f} [{:.3f}, {:.3f}]".format(*found[:3])
+    return "{:.2f} [{:.2f}, {:.2f}]".format(*found[:3])
 
 
 def main() -> None:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import functools
 import json
-import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -26,8 +25,7 @@ from tests.bench.page import write_blocks
 from tests.papers.frontier_merge import merged, merged_strategies, number, of_row
 from tests.papers.frontier_runs import ADDED
 from tests.papers.frontier_table import followers, rows_of
-from tests.papers.page_files import answer_table, as_csv, write_files
-from tests.papers.page_files import hypotheses as registered_hypotheses
+from tests.papers.page_files import answer_rows, as_csv, counts, write_files
 from tests.papers.studies import module
 from wsnsim.analysis import campaigns
 from wsnsim.analysis.figure_style import write_figure
@@ -187,16 +185,17 @@ CONTENT: Mapping[str, Callable[[Data], dict[str, Any]]] = {
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """{name of a block of the page: its text}."""
-    return {"answers": _answers(found), **{name: of(found[part]) for name, (part, of) in TABLES.items()}}
+    return {"counts": counts(_by_number(found)), **{name: of(found[part]) for name, (part, of) in TABLES.items()}}
 
 
 def files(found: Mapping[str, Any]) -> dict[str, str]:
-    """{name of a CSV file beside the page: its text}: strategies, what the sweep chose, all other rows, and answers."""
+    """{name of a CSV file beside the page: its text}: strategies, what the sweep chose, all other rows, answers."""
     others = [{"experiment": part, "variant": variant, **{key: row[key] for key in row if key != "lost_by_run"}}
               for part in found if "rows" in found[part] for variant, row in found[part]["rows"].items()]  # fmt: skip
     said = [{"hypothesis": each["words"], "found [95 %]": " and ".join(map(_text, each["found"])),
              "answer": each["answer"]} for each in answers(found)]  # fmt: skip
-    parts = {"strategies": rows_of(found["frontier"]), "settings": [*_settings()], "rows": others, "answers": said}
+    parts = {"strategies": rows_of(found["frontier"]), "settings": [*_settings()], "rows": others, "answers": said,
+             "hypotheses": answer_rows("frontier", {"answer": _by_number(found)})}  # fmt: skip
     return {f"frontier_{name}.csv": as_csv(content) for name, content in parts.items()}
 
 
@@ -206,16 +205,12 @@ def answers(found: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return sorted(said, key=lambda each: int(number(each)))
 
 
-def _answers(found: Mapping[str, Any]) -> str:
-    """The first sentence of each hypothesis, and its answers."""
-    words = {key: (FIRST.match(each) or [each])[0] for key, each in registered_hypotheses("frontier").items()}
+def _by_number(found: Mapping[str, Any]) -> dict[int, list[str]]:
+    """The answers to the tests of each hypothesis."""
     by_number: dict[int, list[str]] = {}
     for each in answers(found):
         by_number.setdefault(int(number(each)), []).append(each["answer"])
-    return answer_table(["answer"], words, [by_number])
-
-
-FIRST = re.compile(r".*?\.(?= [A-Z]|$)")
+    return by_number
 
 
 def _asleep_table(found: Mapping[str, Any]) -> str:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.page import write_blocks
-from tests.papers.few_bits_page import LEVELS, answers, counts, few_bits, interval, table
-from tests.papers.page_files import as_csv, write_files
+from tests.papers.few_bits_page import LEVELS, answers, few_bits, interval, rows_of_tests, table
+from tests.papers.page_files import as_csv, counts, write_files
 from wsnsim.analysis import statistics
 from wsnsim.papers.measures import Data
 from wsnsim.papers.study import study
@@ -56,14 +56,15 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     ]  # fmt: skip
     head = ["radio: tracker", "error, median, m", "error over ekf", "traffic over ekf", "runs lost"]
     return {
-        "answers": answers(found["tests"]), "counts": counts(found["tests"]), "rows": table(head, cells),
+        "counts": counts(answers(found["tests"])), "rows": table(head, cells),
         "conclusions": _conclusions(found["rows"]),
     }  # fmt: skip
 
 
 def files(found: Mapping[str, Any]) -> dict[str, str]:
-    """{file of docs: its rows}."""
-    return {"headless.csv": as_csv([{"variant": name} | row for name, row in found["rows"].items()])}
+    """{file of docs: its rows, or its tests}."""
+    rows = as_csv([{"variant": name} | row for name, row in found["rows"].items()])
+    return {"headless.csv": rows, "headless_tests.csv": rows_of_tests(found["tests"])}
 
 
 def _conclusions(rows: Mapping[str, Mapping[str, Any]]) -> str:

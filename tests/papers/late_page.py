@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.page import write_blocks
+from tests.papers.page_files import counts
 from tests.papers.studies import module
 from wsnsim.analysis import statistics
 from wsnsim.papers.measures import Data
@@ -58,8 +59,11 @@ def _row(data: Data, variant: str) -> dict[str, Any]:
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """{name of a block of the page: its text}."""
-    return {"answers": _answers(found["tests"]), "counts": _counts(found["tests"]), "points": _points(found),
-            "conclusions": _conclusions(found["rows"])}  # fmt: skip
+    tests = found["tests"]
+    return {
+        "answers": _answers(tests), "counts": counts({each["number"]: [each["answer"]] for each in tests}),
+        "points": _points(found), "conclusions": _conclusions(found["rows"]),
+    }  # fmt: skip
 
 
 def _answers(tests: Sequence[Mapping[str, Any]]) -> str:
@@ -70,23 +74,10 @@ def _answers(tests: Sequence[Mapping[str, Any]]) -> str:
     return _table(["", "hypothesis", "found [95 %]", "p (Holm)", "answer"], rows)
 
 
-def _counts(tests: Sequence[Mapping[str, Any]]) -> str:
-    """How many hypotheses have each answer, and which."""
-    said = []
-    for word in ("yes", "no", "undecided"):
-        numbers = [str(each["number"]) for each in tests if each["answer"] == word]
-        said.append(f"{len(numbers)} {word}" + f" ({', '.join(numbers)})" * bool(numbers))
-    return f"Of {len(tests)} hypotheses: {', '.join(said)}."
-
-
 def _points(found: Mapping[str, Any]) -> str:
     """For each radio and interval, and pooled: what each way changes."""
-    heads = [f"{way}: {what}" for way in late.WAYS for what in ("error", "share back")]
-    rows = [
-        [name, *(_interval(point[what][way]) for way in late.WAYS for what in ("error", "share"))]
-        for name, point in found["points"].items()
-    ]  # fmt: skip
-    return _table(["radio, ms", *heads], rows)
+    rows = [[name, *(_interval(point["error"][way]) for way in late.WAYS)] for name, point in found["points"].items()]
+    return _table(["radio, ms", *late.WAYS], rows)
 
 
 def _conclusions(rows: Mapping[str, Mapping[str, Any]]) -> str:

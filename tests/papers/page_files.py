@@ -1,7 +1,7 @@
 """What stands beside the pages of studies: CSV files with all rows, and what was registered before the runs.
 
 as_csv(rows) -> str                                  registered(study) -> str, docs/registered/STUDY.txt word for word
-hypotheses(study) -> {number: its words}             answer_table(study, heads, answers) -> Markdown
+hypotheses(study) -> {number: its words}             counts(answers) -> how many are yes, no and undecided
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import pandas as pd
 
 DOCS = Path(__file__).parents[2] / "docs"
 ANSWERS = ("yes", "no", "undecided")
+DIFFER = "with tests that differ"
 
 
 def as_csv(rows: Iterable[Mapping[str, Any]]) -> str:
@@ -51,19 +52,25 @@ def hypotheses(study: str) -> dict[int, str]:
     return {int(number): " ".join(words.split()) for number, words in found}
 
 
-def answer_table(heads: Sequence[str], words: Mapping[int, str], answers: Sequence[Mapping[int, Sequence[str]]]) -> str:
-    """A row for each hypothesis: its words, and in each study how many of its tests have each answer."""
-    rows = [[str(number), said, *(_counted(these.get(number, ())) for these in answers)]
-            for number, said in words.items()]  # fmt: skip
-    return "\n".join(
-        f"| {' | '.join(row)} |" for row in (["", "hypothesis", *heads], ["---"] * (2 + len(heads)), *rows)
-    )
+def counts(answers: Mapping[int, Sequence[str]]) -> str:
+    """How many hypotheses have each answer in all of their tests, and which."""
+    found = {number: these[0] if len({*these}) == 1 else DIFFER for number, these in answers.items() if these}
+    said = []
+    for word in ANSWERS if DIFFER not in found.values() else (*ANSWERS, DIFFER):
+        numbers = [str(number) for number, each in found.items() if each == word]
+        said.append(f"{len(numbers)} {word}" + f" ({', '.join(numbers)})" * bool(numbers))
+    return f"Of {len(found)} hypotheses: {', '.join(said)}."
+
+
+def answer_rows(study: str, answers: Mapping[str, Mapping[int, Sequence[str]]]) -> list[dict[str, Any]]:
+    """A row for each registered hypothesis: its words, and how many of its tests have each answer, by column."""
+    return [
+        {"number": number, "hypothesis": words, **{head: _counted(of.get(number, ())) for head, of in answers.items()}}
+        for number, words in hypotheses(study).items()
+    ]
 
 
 def _counted(answers: Sequence[str]) -> str:
     """'yes' where all answers are, else how many have each."""
     found = Counter(answers)
-    return (
-        ", ".join(f"**{word}**" if len(found) == 1 else f"{found[word]} {word}" for word in ANSWERS if found[word])
-        or "-"
-    )
+    return ", ".join(word if len(found) == 1 else f"{found[word]} {word}" for word in ANSWERS if found[word]) or "-"
