@@ -13,10 +13,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import click
 import pytest
 
 from tests.helpers.commands import run_process
 from tests.helpers.thorough import thorough
+from wsnsim.analysis import phrases
 from wsnsim.cli import main
 from wsnsim.cli.progress import MODES, RUN, display
 from wsnsim.cli.shared import PURPOSES, every_command
@@ -117,6 +119,8 @@ def test_a_narrow_terminal_gets_a_narrow_table(
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 72
     assert any(line.startswith("  pso_mhpf ") for line in lines)
+    lines = [*phrases.wrapped("words " * 99), *phrases.aligned([["a cell"] * 30] * 2)]
+    assert 60 < max(map(len, lines)) <= 72
 
 
 def test_list_as_json_is_one_object_with_every_row(capsys: pytest.CaptureFixture[str]) -> None:
@@ -149,7 +153,7 @@ def test_new_writes_a_scenario_that_checks_and_never_overwrites(capsys: pytest.C
     assert capsys.readouterr().out.splitlines()[-1] == "mine.yaml: ok"
     Path("mine.yaml").write_text("mine")
     assert main(["new", "mine.yaml"]) == 2
-    assert capsys.readouterr().err == "wsnsim: error: file exists: mine.yaml\n"
+    assert capsys.readouterr().err == "wsnsim: error: mine.yaml exists already: choose another name, or remove it\n"
     assert Path("mine.yaml").read_text() == "mine"
     assert main(["new", "../mine"]) == 2
 
@@ -362,7 +366,7 @@ def test_a_picture_never_takes_the_place_of_its_result(result: Path, capsys: pyt
         (["list", "trakers"], "unknown role 'trakers' (did you mean 'trackers'?)"),
         (["list", "datashets"], "unknown role 'datashets' (did you mean 'datasheets'?)"),
         (["run", "--seed", "x", "y"],
-         "Invalid value for '--seed': 'x' is not a valid integer range. (see 'wsnsim run --help')"),
+         "Invalid value for '--seed': 'x' is not a whole number. (see 'wsnsim run --help')"),
     ],
 )  # fmt: skip
 def test_a_slip_is_one_line_and_exit_code_2(
@@ -396,18 +400,59 @@ COMPARE = ("compare", "field.yaml", "--trackers", "ekf,ukf")
         (["run", "bearing", "--set", "sensor.sd=2"], "at most 0.5, is 2 rad (degrees have their unit: '2 deg')"),
         (["run", "pso_mhpf", "--set", "deploy={kind: uniform, width: 200,5 m}"], "unknown key, decimals have a point"),
         (["run", "pso_mhpf", "--set", "tracker.kind=mine.py:Mine"], "path; a module is named without .py"),
+        (["run", "pso_mhpf", "--set", "tracker.kind=my_good:Ensmble"], "no class Ensmble (did you mean 'Ensemble'?)"),
+        (["info", "my_good:Ensmble"], "no class Ensmble (did you mean 'Ensemble'?)"),
+        (["run", "pso_mhpf", "--set", "tracker=my_good:Ensemble"], "a mapping such as {kind: my_good:Ensemble} or"),
+        (["compare", "field.yaml", "ekf", "ukf"], "with --trackers: wsnsim compare field.yaml --trackers ekf,ukf"),
+        (["compare", "field.yaml", "--trackers", "ekf", "ukf"], "wsnsim compare field.yaml --trackers ekf,ukf"),
+        (["lifetime", "ekf"], "with --trackers: wsnsim lifetime SCENARIO --trackers ekf"),
+        *((words, "tags.csv: error: is a file of data, not a scenario; `wsnsim import` reads such files")
+          for words in (["run", "tags.csv"], ["check", "tags.csv"], ["info", "tags.csv"], ["compare", "tags.csv"],
+                        ["sweep", "tags.csv"], ["lifetime", "tags.csv"], ["watch", "tags.csv"])),
+        *((words, "data: error: is a folder, expected a scenario file, or that of a campaign in sweep, compare")
+          for words in (["run", "data"], ["check", "data"], ["info", "data"], ["compare", "data"], ["sweep", "data"],
+                        ["lifetime", "data"], ["watch", "data"])),
+        *(([*words, "field.yaml"], "field.yaml: is not a wsnsim result: these end in .h5, and `wsnsim run` writes them")
+          for words in (["plot"], ["report"], ["verify"], ["trace", "--step", "1"], ["diff", "field.yaml"])),
+        (["collect", "field.yaml"], "field.yaml: holds no campaign"),
+        (["new", "field"], "field.yaml exists already: choose another name, or remove it"),
+        (["new", "80 nodes.yaml"], "then also '_', '-' and '.', such as 80_nodes"),
+        (["run", "field.yaml", "-replicates", "3"], "Long options have two dashes: --replicates, --report."),
+        (["run", "field.yaml", "--out", "tags.csv"], "--out tags.csv: expected a file with the suffix .h5"),
+        (["lifetime", "field.yaml", "--out", "tags.csv"], "--out tags.csv: expected a file with the suffix .json"),
+        (["fit", "tags.csv", "--nodes", "tags.csv", "--out", "notes.txt"], "notes.txt: expected a file with the suffix .yaml"),
+        ([*COMPARE, "--timeout", "soon"], "--timeout: expected time (for example '1 s'), got the text 'soon'"),
+        (["compare", "compare_field", "--seed", "3"], "compare_field is a campaign, whose sweep is fixed"),
     ],
 )  # fmt: skip
 def test_a_beginners_mistake_is_one_sentence(
     command: list[str], sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("field.yaml").write_text("extends: jiang_field\n")
-    Path("compare_field").mkdir()
-    Path("compare_field/campaign.json").write_text("{}")
+    texts = {"field.yaml": "extends: jiang_field\n", "tags.csv": "time,node,reading\n0,1,2\n", "notes.txt": "mine\n",
+             "my_good.py": "class Ensemble: pass\n", "compare_field/campaign.json": "{}", "data/x": "x"}  # fmt: skip
+    for name, text in texts.items():
+        Path(name).parent.mkdir(exist_ok=True)
+        Path(name).write_text(text)
     assert main(command) in (1, 2)
     assert sentence in capsys.readouterr().err
-    assert Path("field.yaml").read_text() == "extends: jiang_field\n"
+    assert {name: Path(name).read_text() for name in texts} == texts
+
+
+def test_the_help_of_a_command_is_shown_to_those_who_ask_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (["help", "run"], ["run", "--help"]):
+        assert main(words) == 0
+    said = capsys.readouterr().out
+    assert said[: len(said) // 2] == said[len(said) // 2 :] and said.startswith("Usage: wsnsim run")
+
+
+@pytest.mark.parametrize("command", sorted(every_command()))
+def test_every_option_that_takes_a_number_refuses_a_word_in_plain_words(command: str, capsys: Any) -> None:
+    for option in every_command()[command].params:
+        if isinstance(option.type, click.types._NumberParamTypeBase) and isinstance(option, click.Option):
+            assert main([command, f"{option.opts[0]}=twenty"]) == 2
+            number = "whole number" if isinstance(option.type, click.types.IntParamType) else "number"
+            assert f"'twenty' is not a {number}. (see 'wsnsim {command} --help')" in capsys.readouterr().err
 
 
 def test_an_unexpected_error_is_one_line_and_its_traceback_is_for_those_who_ask(

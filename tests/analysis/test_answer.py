@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -14,8 +13,7 @@ import wsnsim
 from wsnsim import experiment
 from wsnsim.analysis import result_info, summary
 from wsnsim.analysis.answer import answer, energy_clause, lifetime_clause, percent, sentence, sink_clause
-from wsnsim.analysis.result_facts import RecordedErrors, ResultFacts
-from wsnsim.base.tables import CAUSE
+from wsnsim.analysis.result_facts import RecordedErrors, ResultFacts, facts_of_file
 from wsnsim.bounds import bound_of_run
 from wsnsim.scenario import load
 
@@ -95,8 +93,7 @@ def test_the_numbers_of_the_answer_are_those_of_the_tables(tmp_path):
         f" a run, of which {1e3 * sent:.3g} mJ is transmission."
     )
     assert summary.as_json(report, {}, summary.bounds_of_report(report))["answer"] == answer(report)
-    frames = {"runs": runs, "estimates": tracked, "energy": energy, "tracks": wsnsim.read(report.out, "tracks")}
-    assert answer(frames, report.scenario) == answer(report)
+    assert answer(report.out) == answer(report)
 
 
 def facts(errors=None, joules=None, tracks=None, limit=20.0, workload="tracking", **columns):
@@ -227,15 +224,13 @@ def test_a_share_says_all_or_nothing_only_if_it_is():
 
 
 def test_without_a_finished_run_there_is_no_answer():
-    assert answer({"runs": pd.DataFrame()}, load("pso_mhpf")) == ""
+    assert sentence(ResultFacts({})) == ""
 
 
-def test_codes_and_words_of_causes_give_the_same_energy():
-    runs = pd.DataFrame({"replicate": [0], "energy": [2.0], "rmse": [1.0], "losses": [0], "lost": [0]})
-    words = pd.DataFrame({"replicate": 0, "cause": ["idle", "rx"], "joules": [1.5, 0.5]})
-    codes = words.assign(cause=[CAUSE["idle"], CAUSE["rx"]])
-    said = [answer({"runs": runs, "energy": table}, load("pso_mhpf")) for table in (words, codes)]
-    assert said[0] == said[1] and said[0].endswith("the network spent 2 J, of which 1.5 J is idle listening.")
+def test_the_energy_of_a_file_by_cause_is_that_of_its_table(real):
+    spent, runs = wsnsim.read(real, "energy"), wsnsim.read(real, "runs")
+    sums = spent.groupby("cause", observed=True)["joules"].sum() / len(runs)
+    assert facts_of_file(real).joules == pytest.approx(sums.to_dict())
 
 
 RUNS_OF_ANY_KIND = st.lists(

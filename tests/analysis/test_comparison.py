@@ -102,7 +102,7 @@ def test_every_figure_of_a_point_is_that_reckoned_by_hand(place: Place) -> None:
     for row, ((kind, size), rmse) in zip(table.to_dict("records"), RMSE.items(), strict=True):
         rates = sorted(e / (ENERGY[kind, size] * (i + 1)) for i, e in enumerate(rmse) if not math.isnan(e))
         assert row["error_per_joule"] == pytest.approx(np.median(rates))
-        assert (row["median_low"], row["median_high"]) == statistics.interval_of_median(np.array(rmse))
+        assert (row["median_low"], row["median_high"]) == statistics.median(np.array(rmse))[1:3]
         assert (row["mean_low"], row["mean_high"]) == statistics.mean(np.array(rmse))[1:3]
         share = statistics.share(np.array(rmse) > 8.5)
         assert (row["lost_fraction_low"], row["lost_fraction_high"]) == (share.low, share.high)
@@ -309,10 +309,10 @@ def test_the_text_has_a_line_a_point_with_its_figures(place: Place) -> None:
 def test_a_comparison_begins_with_the_best_point_of_each_group(place: Place) -> None:
     found = comparison.compare(four(place), by=[KIND])
     assert answer(found).startswith(
-        f"{SIZE} = 100: pf has the smallest median per-run RMSE: 7.5 m, and its 95 % interval"
+        f"{SIZE} = 100: pf has the smallest median per-run RMSE: 7.5 m, but no paired test shows a difference."
     )
     assert f" {SIZE} = 200: pf has the smallest median per-run RMSE: 6.5 m" in answer(found)
-    assert answer(found).endswith("overlaps with that of ekf (the paired tests below decide).")
+    assert answer(found).endswith(", but no paired test shows a difference.")
     assert " ".join(comparison_text.text(found).splitlines()).startswith(answer(found))
     few = dataclasses.replace(
         found, table=found.table.assign(pairs=found.table["pairs"].clip(upper=statistics.LEAST - 1))
@@ -331,8 +331,12 @@ def test_a_point_that_is_clearly_best_and_points_that_tie_are_told_apart(place: 
     errors = {"pf": np.arange(60.0, 70.0), "ekf": np.arange(1.0, 11.0), "ckf": np.arange(1.0, 11.0)}
     points = [({KIND: kind}, "w", {"rmse": values.tolist()}) for kind, values in errors.items()]
     clear, tied = (comparison.compare(place.campaign(points[:count]), by=[KIND]) for count in (2, 3))
-    assert answer(clear) == (
-        "ekf has the smallest median per-run RMSE: 5.5 m, and its 95 % interval overlaps with no other."
+    assert answer(clear) == ("ekf has the smallest median per-run RMSE: 5.5 m, better than pf by the paired tests.")
+    assert answer(
+        comparison.compare(place.campaign([*points[:2], ({KIND: "ukf"}, "w", {"rmse": [50.0] * 10})]), by=[KIND])
+    ) == (
+        "ekf has the smallest median per-run RMSE: 5.5 m, better than pf by the paired tests;"
+        " --baseline ekf tests it against all."
     )
     assert answer(tied) == "No point alone has the smallest median per-run RMSE: 2 points have 5.5 m."
     assert answer(comparison.compare(place.campaign(points[:1]), by=[KIND])) == ""
@@ -526,8 +530,8 @@ def test_a_table_of_long_names_has_100_columns_and_its_latex_every_value(place: 
     table = comparison_text.latex(found)
     assert table.startswith("\\begin{tabular}{ll") and table.endswith("\\bottomrule\n\\end{tabular}\n")
     rows = [line.removesuffix(r" \\").split(" & ") for line in table.splitlines() if line.endswith(r"\\")]
-    assert {len(row) for row in rows} == {len(comparison_text.columns(found)[0])} and len(rows) == 4
-    assert rows[1][1] == r"value\_" * 30 + "1" and "100 \\%" in rows[1][4]
+    assert rows[0][2:] == ["median per-run RMSE [m]", "ever lost", "energy [J]"] and len(rows) == 4
+    assert rows[1][1] == r"value\_" * 30 + "1" and "100 \\%" in rows[1][3]
 
 
 def test_consistency_is_compared_without_a_pareto_front_since_neither_more_nor_less_is_better(place: Place) -> None:

@@ -11,7 +11,6 @@ import pytest
 
 from wsnsim.analysis import statistics
 from wsnsim.analysis.conclusions import (
-    PairWords,
     PointTraffic,
     degenerate,
     hint,
@@ -21,7 +20,7 @@ from wsnsim.analysis.conclusions import (
     with_pairs,
 )
 
-WORDS = PairWords("ekf", "pf", "", "rmse", "m")
+WORDS = ("ekf", "pf"), "rmse", "m"
 NAN = float("nan")
 
 
@@ -46,22 +45,22 @@ def test_the_sentence_of_a_clear_pair_says_size_interval_test_correction_and_pai
     match = re.fullmatch(
         r"ekf is 21\.1 m better than pf in per-run RMSE, 95 % \[(.*), (.*)\], "
         r"Wilcoxon p = 6\.1e-05, Holm-corrected, 15 pairs",
-        sentence(found, WORDS),
+        sentence(found, *WORDS),
     )
     assert match and float(match[1]) < 21.1 < float(match[2])
     assert found["test"] == "Wilcoxon signed-rank, exact"
     back = pair(runs(base), runs(base - 21.1))
-    assert sentence(back, WORDS).startswith("ekf is 21.1 m worse than pf in per-run RMSE, 95 % [21.1, 21.1]")
+    assert sentence(back, *WORDS).startswith("ekf is 21.1 m worse than pf in per-run RMSE, 95 % [21.1, 21.1]")
 
 
 def test_with_more_pairs_the_same_difference_may_no_longer_be_shown() -> None:
     base = np.arange(8.0)
     here = runs(base - 0.5 - 0.05 * np.arange(8))
     assert pair(here, runs(base))["p_holm"] == pytest.approx(2 / 256)
-    assert "better" in sentence(pair(here, runs(base)), WORDS)
+    assert "better" in sentence(pair(here, runs(base)), *WORDS)
     found = pair(here, runs(base), others=9)
     assert found["p_holm"] == pytest.approx(20 / 256)
-    assert sentence(found, WORDS).startswith(
+    assert sentence(found, *WORDS).startswith(
         "no difference in per-run RMSE is shown between ekf and pf: median -0.675 m"
     )
 
@@ -96,7 +95,7 @@ def test_losses_are_compared_first_and_errors_on_the_runs_that_both_survive() ->
     assert found["p_losses"] == pytest.approx(22 / 1024)
     assert found["difference"] == pytest.approx(np.median(0.5 + 0.01 * np.arange(10, 20)))
     assert found["difference_all"] == pytest.approx(np.median(values - baseline))
-    conclusion = sentence(found, WORDS)
+    conclusion = sentence(found, *WORDS)
     assert conclusion.startswith(
         "ekf loses its target in fewer runs than pf (1 lost by it alone, 9 by the other, exact McNemar p = 0.021,"
         " Holm-corrected, 20 pairs); ekf is 0.645 m worse than pf in per-run RMSE"
@@ -106,25 +105,25 @@ def test_losses_are_compared_first_and_errors_on_the_runs_that_both_survive() ->
 
 def test_losses_that_chance_explains_are_no_difference_and_no_losses_are_not_mentioned() -> None:
     few = pair(runs([1.0] * 9, [1, 0, 0, 0, 0, 0, 0, 0, 0]), runs([1.0] * 9))
-    assert sentence(few, WORDS).startswith("no difference in losses is shown between ekf and pf (1 run lost by")
-    assert "McNemar" not in sentence(pair(runs([1.0] * 9), runs([1.0] * 9)), WORDS)
+    assert sentence(few, *WORDS).startswith("no difference in losses is shown between ekf and pf (1 run lost by")
+    assert "McNemar" not in sentence(pair(runs([1.0] * 9), runs([1.0] * 9)), *WORDS)
 
 
 def test_energy_is_compared_on_all_runs_and_is_lower_not_better() -> None:
-    words = WORDS._replace(metric="energy", unit="J")
+    words = WORDS[0], "energy", "J"
     here, there = runs(np.arange(12.0), [1] * 6 + [0] * 6, "energy"), runs(np.arange(12.0) + 3.0, metric="energy")
     found = pair(here, there, "energy")
     assert found["pairs"] == 12
-    assert "ekf is 3 J lower than pf in energy, 95 % [3, 3]" in sentence(found, words)
+    assert "ekf is 3 J lower than pf in energy, 95 % [3, 3]" in sentence(found, *words)
 
 
 def test_too_few_pairs_conclude_nothing() -> None:
     found = pair(runs([1.0] * 4), runs([9.0] * 4))
-    assert sentence(found, WORDS) == "4 pairs are too few to compare ekf and pf in per-run RMSE"
+    assert sentence(found, *WORDS) == "4 pairs are too few to compare ekf and pf in per-run RMSE"
     one = pair(runs([1.0]), runs([9.0]))
-    assert sentence(one, WORDS) == "1 pair is too few to compare ekf and pf in per-run RMSE"
+    assert sentence(one, *WORDS) == "1 pair is too few to compare ekf and pf in per-run RMSE"
     lost = pair(runs([NAN] * 6, 1), runs([1.0] * 6))
-    assert sentence(lost, WORDS).endswith(
+    assert sentence(lost, *WORDS).endswith(
         "0 pairs of runs that both survive are too few to compare ekf and pf in per-run RMSE"
     )
 
@@ -136,7 +135,7 @@ def test_no_sentence_claims_more_than_the_interval() -> None:
     for _ in range(30):
         base, shift = rng.normal(10.0, 2.0, 12), rng.choice([0.0, 0.0, -1.5, 1.5])
         found = pair(runs(base + shift + rng.normal(0.0, 1.0, 12)), runs(base), others=int(rng.integers(3)))
-        conclusion = sentence(found, WORDS)
+        conclusion = sentence(found, *WORDS)
         claimed = re.search(r"is (\S+) m (better|worse) .* \[(\S+), (\S+)\]", conclusion)
         assert bool(claimed) == shows_difference(found) == ("no difference" not in conclusion)
         if claimed:

@@ -181,6 +181,20 @@ def test_frames_sent_again_are_one_message_and_acknowledgements_none(made):
     )
 
 
+def test_strobes_and_their_acknowledgements_are_no_hops(made):
+    strobes = [
+        *hop(4, 3, HEAD, 0.0, "drop", what="strobe", sequence=4), *hop(5, 3, HEAD, 1.0, what="strobe", sequence=4),
+        *hop(6, HEAD, 3, 1.4, what="early_ack", sequence=4), *hop(7, 3, HEAD, 2.0, sequence=4),
+        *hop(8, HEAD, 3, 2.5, what="ack", sequence=4),
+    ]  # fmt: skip
+    assert sentences(made(strobes))[0] == (
+        "node 3 sent its reading to cluster head 7 (1 packet, 2 strobes, 288 bits, 208 uJ); arrived"
+    )
+    assert sentences(made(strobes[:2]))[0] == (
+        "node 3 sent a message to cluster head 7 (1 strobe, 96 bits, 40 uJ); strobes not answered in this step"
+    )
+
+
 def test_packets_that_were_lost_are_counted(made):
     (said,) = sentences(made(hop(1, 12, HEAD, 1.0, packets=47, got=37)))
     assert said.endswith("arrived in part (37 of 47 packets)")

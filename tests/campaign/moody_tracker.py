@@ -36,7 +36,7 @@ def first_key(replicate):
 
 
 def misbehave(mood):
-    if mood == "raises" and not os.path.exists("cured"):
+    if mood in ("raises", "starts") and not os.path.exists("cured"):
         raise ValueError("out of sorts")
     if mood == "exits":
         sys.exit(7)
@@ -54,16 +54,17 @@ def misbehave(mood):
 class Moody:
     """A tracker that guesses at random, and misbehaves in one step of one replicate."""
 
-    mood: Annotated[str, "raises, exits, killed, crashes, sleeps or hangs"] = "calm"
+    mood: Annotated[str, "raises, starts (raises there), exits, killed, crashes, sleeps or hangs"] = "calm"
     at: Annotated[int, wsnsim.Quantity("", ge=0), "replicate in which it misbehaves"] = 0
     pause: Annotated[float, wsnsim.Quantity("s", ge=0), "duration of a step"] = 0.0
 
     def start(self, prior, scene):
+        misbehave(self.mood if self.mood == "starts" else "")
         yield wsnsim.Compute(0.0)
         return prior
 
     def step(self, belief, scene):
-        if scene.step == 1 and self.mood != "calm" and scene.key == first_key(self.at):
+        if scene.step == 1 and scene.key == first_key(self.at):
             misbehave(self.mood)
         time.sleep(self.pause)
         yield wsnsim.Compute(10.0)

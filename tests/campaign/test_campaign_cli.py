@@ -11,7 +11,7 @@ import shlex
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,17 @@ import pandas as pd
 import pytest
 
 import wsnsim
-from wsnsim.campaign import engines, sweeping
+from wsnsim.base.errors import RunError
+from wsnsim.campaign import engines, prepare, run_campaign, sweeping
 from wsnsim.campaign.engines import FinishedTask
+from wsnsim.campaign.task import perform
 from wsnsim.cli import main
+from wsnsim.models.deploy import Uniform
+from wsnsim.scenario.sweep import load_sweep
 
 from .campaign_files import assert_same, files_of, tables_of
 from .inline_engine import InlineEngine
-from .moody_tracker import sweep_of, write_sweep
+from .moody_tracker import TRUSTED, sweep_of, write_sweep
 from .processes import children, environment, lives, wait_for
 
 CALM = [{"pause": 0.0}, {"pause": 0.001}]
@@ -177,12 +181,68 @@ def test_what_fails_is_named_and_kept_and_the_rest_is_done(poisoned: str, capsys
     assert not list(Path("c/failed").iterdir())
 
 
-def test_a_point_that_fails_in_every_run_for_one_reason_is_named_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_point_without_a_possible_run_is_tried_and_named_once_at_each_start(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     few = ["sweep", "pso_mhpf", "--vary", "deploy.nodes=25", "--set", "deploy.draws=1", "--set", "duration=1"]
-    assert main([*few, "--replicates", "3", "-o", "c", "-q"]) == 3
-    [failed, *rest] = [line for line in capsys.readouterr().err.splitlines() if "failed" in line]
-    assert failed.startswith("wsnsim: deploy.nodes = 25: replicates 0-2 failed: deploy: none of 1 sampled deployments")
-    assert failed.endswith("cover: false (seed 20131101)") and not rest
+    performed: list[str] = []
+    monkeypatch.setattr(engines, "perform", lambda task: (performed.append(task.name), perform(task))[1])
+    for words in ([*few, "--replicates", "70", "-o", "c", "-q"], ["sweep", "c", "-q"], ["compare", "c", "-q"]):
+        performed.clear()
+        assert main(words) == 3
+        failed, left, *rest = [line for line in capsys.readouterr().err.splitlines() if "no results" not in line]
+        assert failed.startswith("wsnsim: deploy.nodes = 25 failed: deploy: none of 1 sampled deployments of 25 nodes")
+        assert failed.endswith(
+            "replicate 0); runs with other random numbers fail, too, so that the others were not tried"
+        )
+        assert left == "wsnsim: c is incomplete, runs missing: 70" and not rest and len(performed) == 1
+        [report] = Path("c/failed").iterdir()
+        assert report.name.endswith(".r00000-00069.txt")
+    with pytest.raises(RunError, match="runs with other random numbers fail, too"):
+        wsnsim.compare("pso_mhpf", trackers=["ekf", "ppf"], replicates=2, workers=0, deploy=Uniform(nodes=25, draws=1))
+
+
+REFUSALS: Mapping[str, Mapping[str, Any]] = {
+    "deploy: none of 1": {"deploy.nodes": 25, "deploy.draws": 1},
+    "deploy: none of 2": {"deploy": {"kind": "jittered_grid", "nodes": 20, "jitter": 1.0, "draws": 2}},
+    "nodes.csv: cannot be read": {"deploy": {"kind": "file", "path": "nodes.csv"}},
+    "track.csv: cannot be read": {"motion": {"kind": "recorded_track", "path": "track.csv"}},
+    "scenario.json: is damaged": {"tracker.particles": 20},
+    "out of sorts": {"tracker": {"kind": "moody:Moody", "mood": "starts"}},
+    "of sorts": {"tracker": {"kind": "moody:Moody", "mood": "starts"}},
+}
+"""{reason: what gives it}: of pso_mhpf, the last one of ungm_pf, which has no network."""
+
+
+@pytest.mark.parametrize("words", REFUSALS)
+def test_what_refuses_a_run_in_its_first_step_whatever_is_random_refuses_its_point(lab: Path, words: str) -> None:
+    at = "x,y\n0,0\n60,0\n0,60\n60,60\n"
+    Path("nodes.csv").write_text(at)
+    Path("track.csv").write_text("time,x,y\n0,0,0\n9,9,9\n")
+    network = {"deploy.cover": words.startswith("deploy")} if words != "of sorts" else {}
+    changes = {**network, "duration": "2 s", **REFUSALS[words]}
+    folder = prepare(load_sweep("pso_mhpf" if network else "ungm_pf", [], changes, replicates=60), "c")
+    for name in ("nodes.csv", "track.csv"):
+        Path(name).unlink()
+    if "damaged" in words:
+        next(Path("c").glob("*/scenario.json")).write_text("{")
+    outcome = run_campaign(folder, InlineEngine(), access=TRUSTED)
+    [(point, why)] = outcome.failed.items()
+    assert words in why and point == folder.manifest().points[0].id and len(outcome.missing[point]) == 60
+
+
+def test_a_dry_run_names_a_point_without_a_possible_run(capsys: pytest.CaptureFixture[str]) -> None:
+    few = ["--set", "deploy.draws=1", "--set", "duration=0.4 s", "--replicates", "1", "--dry-run"]
+    assert main(["sweep", "pso_mhpf", "--vary", "deploy.nodes=25,256", *few]) == 0
+    said = capsys.readouterr().out
+    assert "estimated from one trial run; deploy.nodes = 25 failed: deploy: none of 1 sampled deployments" in said
+    assert main(["sweep", "pso_mhpf", "--vary", "deploy.nodes=25", *few]) == 1
+    assert capsys.readouterr().err.startswith("wsnsim: error: deploy.nodes = 25 failed: deploy: none of 1 sampled")
+
+
+def test_a_run_that_fails_where_others_do_not_refuses_none_of_them(poisoned: str) -> None:
+    assert main(["sweep", poisoned, "-o", "c", "-q"]) == 3
+    assert len(wsnsim.read("c", "runs")) == 7
 
 
 @pytest.mark.thorough(fast=["0/2"])

@@ -318,7 +318,7 @@ def _enough(point: str, failed: frozenset[int] = frozenset()) -> int:
     """The first look, each of half as many replicates more, at which the interval is narrow; or the last."""
     for look in (5, 7, 10, 15, 22, 33, 49):
         seen = [value for number, value in enumerate(_drawn(point)[:look]) if number not in failed]
-        low, high = statistics.interval_of_median(np.array(seen))
+        _, low, high, _ = statistics.median(np.array(seen))
         if (high - low) / 2 <= 0.1 * np.median(seen):
             return look
     return 60

@@ -110,3 +110,22 @@ def test_every_command_prints_through_the_function_that_escapes() -> None:
         text = file.read_text(encoding="utf-8")
         if file.name not in ("shared.py", "progress.py", "interrupts.py") or file.parent.name != "cli":
             assert "click.echo(" not in text and "click.secho(" not in text, file
+
+
+@pytest.mark.parametrize(
+    ("words", "suffix"),
+    [
+        (["run", "rkf", "--out", "x.csv"], ".h5"),
+        (["run", "rkf", "-o", "x"], ".h5"),
+        (["report", "x.h5", "--out", "x.pdf"], ".html"),
+        (["lifetime", "lifetime", "--out", "x.csv"], ".json"),
+        (["lifetime", "rkf", "--page", "x.pdf"], ".html"),
+    ],
+)
+def test_a_file_whose_suffix_belongs_to_another_format_is_refused_before_anything_runs(
+    words: list[str], suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "rkf", "--set", "duration=3 s", "--out", "x.h5", "--quiet"]) == 0
+    message = said(words, 2, capsys)
+    assert f"expected a file with the suffix {suffix}" in message and message.count("\n") == 1
+    assert {path.name for path in Path().iterdir()} == {"x.h5"}

@@ -77,7 +77,7 @@ def test_a_new_study_is_without_faults_and_its_files_are_not_overwritten(capsys:
     assert study("my-study").source == "my-study" and "plugin_name" not in Path("my-study/study.py").read_text()
     Path("my-study/study.py").unlink()
     assert main(["new", "--for", "study", "my-study"]) == 2
-    assert capsys.readouterr().err == "wsnsim: error: file exists: my-study\n"
+    assert capsys.readouterr().err == "wsnsim: error: my-study exists already: choose another name, or remove it\n"
     assert not Path("my-study/study.py").exists()
 
 
@@ -92,7 +92,9 @@ def test_a_new_study_runs_and_answers_its_hypotheses(capsys: pytest.CaptureFixtu
 def test_nothing_is_overwritten_and_nothing_is_half_written(capsys: pytest.CaptureFixture[str]) -> None:
     Path("mine_here.yaml").write_text("mine")
     assert main(["new", "--for", "motion", "mine_here"]) == 2
-    assert capsys.readouterr().err == "wsnsim: error: file exists: mine_here.yaml\n"
+    assert (
+        capsys.readouterr().err == "wsnsim: error: mine_here.yaml exists already: choose another name, or remove it\n"
+    )
     assert not Path("mine_here.py").exists() and Path("mine_here.yaml").read_text() == "mine"
     Path("mine_here.yaml").rename("mine_here.py")
     assert main(["new", "--for", "motion", "mine_here"]) == 2
@@ -136,7 +138,7 @@ def test_a_new_scenario_is_what_a_newcomer_wants_and_follows_its_target(capsys: 
     assert told.count("# CHANGE: ") == 5 and max(map(len, told.splitlines())) <= 100
     Path("field.yaml").write_text("mine")
     assert main(["new", "field"]) == 2 and Path("field.yaml").read_text() == "mine"
-    assert "file exists: field.yaml" in capsys.readouterr().err
+    assert "field.yaml exists already" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("source", ["li_xmac", "two_targets", "ungm_pf", "beacons"])

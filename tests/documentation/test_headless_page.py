@@ -12,7 +12,7 @@ from wsnsim.papers.study import study
 
 ROWS = json.loads(page.ROWS.read_text(encoding="utf-8"))
 TEXT = page.PAGE.read_text(encoding="utf-8")
-REGISTERED = study(str(page.STUDY)).registered
+REGISTERED = study("headless").registered
 
 
 def test_the_page_is_made_from_its_rows():

@@ -103,7 +103,7 @@ def test_links_are_not_judged_on_what_they_were_fitted_to(tmp_path: Path) -> Non
     links, nodes = write(tmp_path, 3)
     (tmp_path / "other").mkdir()
     other, _ = write(tmp_path / "other", 4)
-    with pytest.raises(UsageError, match="must not be judged on what they were fitted to"):
+    with pytest.raises(UsageError, match="must not be judged on what it was fitted to"):
         wsnsim.fit(links, nodes, law="log_normal", test=links)
     part = tmp_path / "part.k7"
     top, names, *rows = Path(links).read_text().splitlines()

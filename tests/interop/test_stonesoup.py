@@ -130,6 +130,6 @@ def test_without_stone_soup_a_scenario_is_refused_with_what_to_install(monkeypat
 def test_tracks_that_no_reading_names_are_refused_with_what_to_read_instead(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stonesoup, "_demand", lambda: None)
+    monkeypatch.setattr(stonesoup, "is_installed", lambda: True)
     with pytest.raises(ResultError, match="take its tables estimates and detections"):
         stonesoup.to_tracks(unlabelled.write_result(tmp_path / "x.h5"))

@@ -38,6 +38,9 @@ def poisson_visits(rate: float) -> Visits:
     return Visits(of=Crossing(), lasting=1e-4 / rate, rate=rate)
 
 
+NEVER = Visits(of=Crossing(), lasting=1.0, times=())
+
+
 def criteria() -> Criteria:
     """Those of a small network with a sink, whose nodes each see their own cells and the next node's."""
     near = np.repeat(np.eye(NODES, dtype=bool) | np.eye(NODES, k=1, dtype=bool), 3, axis=0)
@@ -128,7 +131,7 @@ def test_chunks_of_many_visits_have_the_mean_and_the_spread_of_single_ones() -> 
 @pytest.mark.parametrize("battery", [Linear(), Linear(self_discharge=0.2, usable=0.8), Kinetic(), Diffusion()])
 def test_a_quiet_node_lives_as_long_as_its_battery_says(battery: BatteryFields) -> None:
     watts, stores = np.array([1e-3, 2e-3, 5e-3]), stores_of(battery, 900.0, 3)
-    walk = Paths(stores, None, np.random.default_rng(0), 2, 100 * YEAR)
+    walk = Paths(stores, NEVER, np.random.default_rng(0), 2, 100 * YEAR)
     none = np.zeros((1, 3))
     walk.advance(Phase(watts, none, np.ones(1), np.zeros((2, 3))), 3)
     expected = battery.advance(stores.start, watts, 100 * YEAR).died_after
@@ -159,7 +162,7 @@ def sun(tmp_path: Path) -> Harvester:
 def test_nodes_that_harvest_go_down_at_night_and_come_back(sun: Harvester) -> None:
     battery, watts = Linear(harvest=sun), np.array([2e-3, 5e-3])
     stores = stores_of(battery, 100.0, 2)
-    walk = Paths(stores, None, np.random.default_rng(0), 1, 10 * DAY)
+    walk = Paths(stores, NEVER, np.random.default_rng(0), 1, 10 * DAY)
     walk.advance(Phase(watts, np.zeros((1, 2)), np.ones(1), np.zeros((1, 2))), 3)
     # the same, minute by minute
     left, up, expected = np.full(2, 100.0), np.ones(2, dtype=bool), []

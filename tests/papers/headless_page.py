@@ -1,6 +1,6 @@
 """The tables of docs/headless.md, from the full campaign of the study `headless`; ratios and tests as in few_bits.
 
-wsnsim reproduce scenarios/studies/headless --full; python -m tests.papers.headless_page --new FOLDER OF_WIDER
+wsnsim reproduce headless --full; python -m tests.papers.headless_page --new FOLDER OF_WIDER
 python -m tests.papers.headless_page                                                 write from docs/headless.json
 """
 
@@ -21,7 +21,6 @@ from wsnsim.papers.study import study
 from wsnsim.recording.folder import Folder
 
 HOME = Path(__file__).parents[2]
-STUDY = HOME / "scenarios/studies/headless"
 SHOWN = ("ideal: kalman", "ideal: diffusion", "ideal: naive", "csma: ekf", "csma: kalman", "csma: diffusion",
          "csma: information, ratio", "csma: intersection", "csma: ekf, death", "csma: diffusion, death", "xmac: ekf",
          "xmac: kalman", "xmac: diffusion", "csma: diffusion, 75 m")  # fmt: skip
@@ -99,7 +98,7 @@ def _conclusions(rows: Mapping[str, Mapping[str, Any]]) -> str:
 def main() -> None:
     """Write docs/headless.json if asked to, then the blocks of docs/headless.md."""
     if "--new" in sys.argv[1:]:
-        new = content(*(Data(Folder(Path(folder)), study(str(STUDY))) for folder in sys.argv[-2:]))
+        new = content(*(Data(Folder(Path(folder)), study("headless")) for folder in sys.argv[-2:]))
         ROWS.write_text(json.dumps(new, indent=1) + "\n", encoding="utf-8")
     found = json.loads(ROWS.read_text(encoding="utf-8"))
     write_files(files(found))

@@ -14,7 +14,6 @@ import pandas as pd
 import pytest
 
 from tests.helpers.thorough import thorough
-from tests.papers.studies import module
 from wsnsim import scenario
 from wsnsim.base.errors import ScenarioError
 from wsnsim.papers import reproduce
@@ -96,7 +95,7 @@ def test_every_verdict_has_its_reason_in_a_line(pair):
 @pytest.mark.parametrize("name", PAGES)
 def test_every_figure_has_its_function_and_every_function_a_figure(name):
     drawn = {figure.draw or figure.name for experiment in study(name).experiments for figure in experiment.figures}
-    assert drawn == set(module(name).FIGURES)
+    assert drawn == set(study(name).code.functions("FIGURES"))
 
 
 @pytest.mark.parametrize("name", PAGES)

@@ -263,7 +263,7 @@ def test_ctrl_c_while_the_file_is_being_finished_leaves_nothing(tmp_path, states
     def interrupt(path):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("wsnsim.recording.writer._synchronise", interrupt)
+    monkeypatch.setattr("wsnsim.recording.atomic_files._synchronise", interrupt)
     with pytest.raises(KeyboardInterrupt), ResultFile(tmp_path / "x.h5", states, EVERYTHING) as file:
         file.write("events", rows_of("events", 10))
     assert names_in(tmp_path) == []

@@ -310,7 +310,10 @@ def test_a_file_that_is_no_scenario_says_so_in_one_message(name: str, content: b
 
 
 def test_a_folder_is_no_scenario(tmp_path: Path) -> None:
-    assert faults_of(tmp_path) == [f"{tmp_path}: error: is a folder, expected a scenario file"]
+    assert faults_of(tmp_path) == [
+        f"{tmp_path}: error: is a folder, expected a scenario file"
+        ", or that of a campaign in sweep, compare, watch and info"
+    ]
 
 
 @pytest.mark.parametrize("name", ["pso_mhfp", "nowhere/x.yaml", "", "a\0b", "x" * 5000])

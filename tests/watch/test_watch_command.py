@@ -175,7 +175,7 @@ def test_no_browser_is_opened_without_a_terminal(monkeypatch, capsys):
 def test_what_has_no_meaning_for_a_scenario_is_refused(capsys):
     for words, message in (
         (["rkf", "--metric", "rmse"], "--metric and --column need a campaign"),
-        (["."], "folder holds no campaign"),
+        (["."], "is a folder, expected a scenario file, or that of a campaign"),
         (["nothing_like_it"], "file not found"),
     ):
         assert main(["watch", *words]) == 2

@@ -8,15 +8,16 @@ Each function of a clause returns it without a full stop, empty where there is n
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections import defaultdict
+from collections.abc import Collection
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from wsnsim.analysis.multi_target import GOSPA, least_localisation
 from wsnsim.analysis.quantities import DECIDED, loss_rule, median_time, time_averaged_rmse
-from wsnsim.analysis.result_facts import ResultFacts, Table, facts_of_file, facts_of_report, facts_of_tables
+from wsnsim.analysis.result_facts import ResultFacts, facts_of_file, facts_of_report
 from wsnsim.base import metrics
 from wsnsim.base.arrays import Floats
 from wsnsim.base.errors import WsnsimError, shortened
@@ -76,10 +77,9 @@ def losses_clause(facts: ResultFacts) -> str:
 
 def _uses(facts: ResultFacts, causes: Collection[str]) -> dict[str, float]:
     """The energy (J) by what it was spent on or lost to, of some causes, the largest first."""
-    found: dict[str, float] = {}
-    for cause, joules in ((cause, joules) for cause, joules in facts.joules.items() if cause in causes):
-        use = CAUSE_WORDS.get(cause, cause.replace("_", " "))
-        found[use] = found.get(use, 0.0) + joules
+    found = defaultdict[str, float](float)
+    for cause in filter(causes.__contains__, facts.joules):
+        found[CAUSE_WORDS.get(cause, cause.replace("_", " "))] += facts.joules[cause]
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
@@ -161,48 +161,27 @@ def seconds(time: float) -> str:
     return f"{1e3 * time:.3g} ms" if time < 1.0 else f"{figure(time)} s"
 
 
-Source = Report | str | Path | Mapping[str, Table]
 SEEN: Final = 0.995
 """Share of tracked steps from which on all steps count as tracked."""
 
 
-def answer(
-    source: Source,
-    scenario: Any = None,
-    *,
-    crlb: Bound | None = None,
-    bounded: bool = True,
-    plugins: bool = False,
-    facts: ResultFacts | None = None,
-) -> str:
+def answer(source: Report | str | Path, *, plugins: bool = False, facts: ResultFacts | None = None) -> str:
     """A sentence on the runs of a result: whether the target was followed, how well, for how many joules.
 
     The error is the time-averaged RMSE over the runs in which no track was lost, and over all runs. Beside it stands
     the trajectory-conditional CRLB of the same steps for all readings in range, unless most runs lost a track.
 
     Args:
-        source: what `experiment.run` returned, or a result file, or tables by name, as DataFrames or as mappings of
-            columns to arrays: `runs` is needed, and `tracks`, `estimates`, `energy` and `reports` say more.
-        scenario: the Scenario of tables in memory.
-        crlb: the bound, if it is already known (`bounds.bound(...)` or `bounds.bound_of_run(...)` of the kind
-            `per_trajectory` for the readings `in_range`).
-        bounded: whether the bound is computed otherwise; it takes about 20 ms a run of 700 steps.
+        source: what `experiment.run` returned, or a result file. The bound takes about 20 ms a run of 700 steps.
         plugins: whether plug-ins that a result file names are imported for the bound.
         facts: the facts of the source, if they are already known.
 
     Raises:
         ResultError: the file cannot be read.
     """
-    facts = facts or _facts(source, scenario)
-    if bounded and crlb is None and facts.count and facts.recorded.errors.size:
-        crlb = _found_bound(source, scenario, facts, plugins)
+    facts = facts or (facts_of_report(source) if isinstance(source, Report) else facts_of_file(source))
+    crlb = _found_bound(source, facts, plugins) if facts.count and facts.recorded.errors.size else None
     return sentence(facts, comparable(facts, crlb))
-
-
-def _facts(source: Source, scenario: Any) -> ResultFacts:
-    if isinstance(source, Report):
-        return facts_of_report(source)
-    return facts_of_file(source) if isinstance(source, str | Path) else facts_of_tables(source, scenario)
 
 
 def sentence(facts: ResultFacts, crlb: float = np.nan) -> str:
@@ -227,15 +206,13 @@ def sentence(facts: ResultFacts, crlb: float = np.nan) -> str:
     return "; ".join(filter(None, clauses)) + "."
 
 
-def _found_bound(source: Source, scenario: Any, facts: ResultFacts, plugins: bool) -> Bound | None:
+def _found_bound(source: Report | str | Path, facts: ResultFacts, plugins: bool) -> Bound | None:
     """The trajectory-conditional CRLB for all readings in range; None if it cannot be had."""
     replicates, kind = facts.recorded.replicates.tolist(), "per_trajectory"
     try:
         if isinstance(source, Report):
             return bound(source.scenario, replicates, kind)
-        if isinstance(source, str | Path):
-            return bounds_of_run(source, ("in_range",), kind, replicates=replicates, plugins=plugins)[0]
-        return bound(scenario, replicates, kind)
+        return bounds_of_run(source, ("in_range",), kind, replicates=replicates, plugins=plugins)[0]
     except WsnsimError:
         return None
 

@@ -203,9 +203,7 @@ class ReplicateCounts:
             return replicates
         from wsnsim.analysis import statistics  # slow to import, and only a rule needs it
 
-        values = self._values(point, replicates, failed)
-        median = float(np.nanmedian(values)) if np.isfinite(values).any() else float("nan")
-        low, high = statistics.interval_of_median(values)
+        median, low, high, _ = statistics.median(self._values(point, replicates, failed))
         is_precise = 0.5 * (high - low) <= self._rule.half_width * abs(median)
         return replicates if is_precise else self._rule.next_look(replicates)
 

@@ -23,7 +23,7 @@ import pandas as pd
 
 from wsnsim.analysis import campaigns, statistics
 from wsnsim.analysis.campaign_info import baseline_point, keys_by_default, label, point_name
-from wsnsim.analysis.conclusions import PairWords, degenerate, hint, pair_columns, sentence, traffic, with_pairs
+from wsnsim.analysis.conclusions import degenerate, hint, pair_columns, sentence, traffic, with_pairs
 from wsnsim.analysis.quantities import loss_rule
 from wsnsim.base.errors import ResultError, UsageError, did_you_mean
 from wsnsim.base.tables import DUTY_CYCLED, METRICS, MORE_IS_BETTER, ONE_IS_BEST, TABLES
@@ -150,7 +150,7 @@ def compare(
     table["front"] = False if metric in ONE_IS_BEST else _fronts(table, groups, sign)
     baseline = baseline_point(manifest, chosen, baseline or (manifest.baseline if by is None else None))
     names = [label(point.settings.get(key) for key in chosen) for point in points]
-    first = [(row, rows) for rows in groups.values() for row in rows if names[row] == baseline]
+    first = [(row, rows) for rows in groups for row in rows if names[row] == baseline]
     unit, unpaired = _unit(folder, manifest, metric), ""
     if chosen:
         baselines, unpaired = _paired(points, first)
@@ -223,23 +223,21 @@ def _spread(name: str, found: statistics.IntervalEstimate) -> dict[str, float]:
     return {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}
 
 
-def _groups(manifest: Manifest, table: pd.DataFrame, by: Sequence[str]) -> dict[tuple[str, ...], list[int]]:
+def _groups(manifest: Manifest, table: pd.DataFrame, by: Sequence[str]) -> list[list[int]]:
     """The rows of the points that differ in `by` only; one group of all if nothing is compared."""
     others = [key for key in manifest.keys if key not in by] if by else []
-    groups: dict[tuple[str, ...], list[int]] = {}
-    for row in range(len(table)):
-        groups.setdefault(tuple(repr(table[key].iloc[row]) for key in others), []).append(row)
-    return groups
+    values = [repr([table[key].iloc[row] for key in others]) for row in range(len(table))]
+    return [rows.index.tolist() for _, rows in table.groupby(np.array(values), sort=False)]
 
 
-def _fronts(table: pd.DataFrame, groups: Mapping[Any, list[int]], sign: float) -> list[bool]:
+def _fronts(table: pd.DataFrame, groups: Sequence[list[int]], sign: float) -> list[bool]:
     """Whether each row is on the Pareto front of its group in metric and energy; `sign` is −1 if more is better.
 
     A row with more than 5 % of its runs lost at any time is left out.
     """
     flags = np.zeros(len(table), dtype=np.bool_)
     follows = (table["ever_lost"] <= MOST_LOST).to_numpy()
-    for rows in ([row for row in group if follows[row]] for group in groups.values()):
+    for rows in ([row for row in group if follows[row]] for group in groups):
         flags[rows] = statistics.pareto_front(
             (sign * table["median"].iloc[rows]).tolist(), table["energy"].iloc[rows].tolist()
         )
@@ -277,7 +275,8 @@ def _concluded(
         settings, base = points[row].settings, points[start].settings
         one, other = (point_name(by, [values.get(key) for key in by]) for values in (settings, base))
         group = ", ".join(f"{key} = {label([settings.get(key)])}" for key in others)
-        sentences[row] = sentence(table.iloc[row].to_dict(), PairWords(one, other, group, metric, unit))
+        said = sentence(table.iloc[row].to_dict(), (one, other), metric, unit)
+        sentences[row] = f"{group}: {said}" if group else said
         lossy = (
             (name, degenerate(network[at].particles, *table.loc[at, ["nees_median", "ever_lost"]]))
             for name, at in ((one, row), (other, start))

@@ -1,17 +1,17 @@
 """A comparison as a table for a terminal, and its answer in a sentence: which point has the least error.
 
     text(compared) -> str
-    answer(found) -> 'ekf has the smallest median per-run RMSE: 0.412 m, and its 95 % interval overlaps with no other.'
+    answer(found) -> 'ekf has the smallest median per-run RMSE: 0.412 m, better than pf by the paired tests.'
 
-How often the best point loses its target stands beside its error, which is over all runs. Overlap describes the
-intervals alone; the paired tests of `conclusions` decide on differences.
+How often the best point loses its target stands beside its error, which is over all runs. Where runs are not paired,
+the sentence says whether intervals overlap, which decides nothing.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any, Final
 
@@ -20,7 +20,15 @@ import pandas as pd
 from wsnsim.analysis.answer import percent
 from wsnsim.analysis.campaign_info import label, point_name
 from wsnsim.analysis.comparison import Comparison
-from wsnsim.analysis.conclusions import DEGENERATED, DIFFERENT_PARTICLES, ERRORS, PACKETS_DECIDED, number, verdicts
+from wsnsim.analysis.conclusions import (
+    DEGENERATED,
+    DIFFERENT_PARTICLES,
+    ERRORS,
+    PACKETS_DECIDED,
+    number,
+    shows_difference,
+    verdicts,
+)
 from wsnsim.analysis.phrases import aligned, wrapped
 from wsnsim.analysis.plot_data import bracketed
 from wsnsim.analysis.quantities import run_metric_name
@@ -80,8 +88,28 @@ def _of_group(found: Comparison, table: pd.DataFrame, names: tuple[str, ...]) ->
     value = f"{number(best['median'])}{f' {found.unit}' if found.unit not in ('', '1') else ''}"
     if tied > 1:
         return f"No point alone has the {_word(found.metric)} {name}: {tied} points have {value}."
-    rest = _overlap(best, known, names) + _losses(best, known, names, found.lost)
+    rest = _tested(found, best, known, names) + _losses(best, known, names, found.lost)
     return f"{point} has the {_word(found.metric)} {name}: {value}{rest}."
+
+
+def _tested(found: Comparison, best: pd.Series, known: pd.DataFrame, names: tuple[str, ...]) -> str:
+    """What the paired tests show of the best point; where none has it, whether its interval overlaps with others."""
+    if "pairs" not in known:
+        return _overlap(best, known, names)
+    pairs, bases = known[known["pairs"] >= LEAST], known[known["pairs"].isna()]
+    if best.name in bases.index:
+        beaten, hint = pairs[[shows_difference(pair) for _, pair in pairs.iterrows()]], ""
+    else:
+        pairs = pairs.loc[pairs.index == best.name]
+        beaten = bases if not pairs.empty and shows_difference(best) else bases[:0]
+        hint = f"; --baseline {_name(best, names)} tests it against all" * (len(known) > 2 and not pairs.empty)
+    if pairs.empty:
+        return _overlap(best, known, names)
+    rank = "better" if found.metric in ERRORS else "higher" if found.metric in MORE_IS_BETTER else "lower"
+    listed = ", ".join(_name(row, names) for _, row in beaten.iterrows())
+    return (
+        f", {rank} than {listed} by the paired tests" if listed else ", but no paired test shows a difference"
+    ) + hint
 
 
 def _overlap(best: pd.Series, known: pd.DataFrame, names: tuple[str, ...]) -> str:
@@ -94,8 +122,7 @@ def _overlap(best: pd.Series, known: pd.DataFrame, names: tuple[str, ...]) -> st
         return ", and its 95 % interval overlaps with no other"
     shown = ", ".join(_name(row, names) for _, row in met.head(3).iterrows())
     more = f" and {len(met) - 3} more" if len(met) > 3 else ""
-    paired = " (the paired tests below decide)" if "pairs" in known and (known["pairs"] >= LEAST).any() else ""
-    return f", and its 95 % interval overlaps with that of {shown}{more}{paired}"
+    return f", and its 95 % interval overlaps with that of {shown}{more}"
 
 
 def _losses(best: pd.Series, known: pd.DataFrame, names: tuple[str, ...], rule: str) -> str:
@@ -160,9 +187,13 @@ def text(found: Comparison, explain: bool = False) -> str:
     )
 
 
+OF_A_PAPER: Final = ("median", "bound", "ever_lost", "energy", "p_holm")
+"""Columns that a table in a paper has, beside the settings; as many as fit a column of the page."""
+
+
 def latex(found: Comparison) -> str:
-    """The table as LaTeX, for the package booktabs."""
-    heads, rows = columns(found)
+    """The columns that a paper shows as LaTeX, for the package booktabs; `--csv` has all."""
+    heads, rows = columns(found, OF_A_PAPER)
     lines = [" & ".join(map(_in_latex, row)) + r" \\" for row in [heads, *rows]]
     sides = "l" * len(found.keys) + "r" * (len(heads) - len(found.keys))
     begin = f"\\begin{{tabular}}{{{sides}}}"
@@ -203,8 +234,8 @@ def _hints(paired: pd.DataFrame) -> list[str]:
     return [f"hint: {text}" for text in [*said, *particles]]
 
 
-def columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
-    """Return the headings of the table, and the cells of each row as texts."""
+def columns(found: Comparison, only: Sequence[str] = ()) -> tuple[list[str], list[list[str]]]:
+    """Return the headings of the table, and the cells of each row as texts; `only`: of these columns and the keys."""
     table, name, shown = found.table, run_metric_name(found.metric), _shown_parts(found)
     faultless = " without faults" * (FAULTLESS in found.of_bounds)
     candidates: list[tuple[bool, str, str, Cells]] = [
@@ -225,7 +256,8 @@ def columns(found: Comparison) -> tuple[list[str], list[list[str]]]:
         (shown["difference"], "Wilcoxon p", "p_holm", _each(partial(_number, digits=2))),
         (shown["McNemar"], "McNemar p of losses", "p_losses_holm", _each(partial(_number, digits=2))),
     ]
-    chosen = [(head, cells(table, column)) for wanted, head, column, cells in candidates if wanted]
+    kept = {*found.keys, *(only or table.columns)}
+    chosen = [(head, cells(table, column)) for wanted, head, column, cells in candidates if wanted and column in kept]
     return [head for head, _ in chosen], [list(row) for row in zip(*(cells for _, cells in chosen), strict=True)]
 
 

@@ -2,7 +2,7 @@
 
     pair_columns(here, there, metric) -> {column: value} of one pair
     with_pairs(table, pairs) -> the table with these columns, and p-values corrected for the number of tests
-    sentence(pair, words) -> 'ekf is 21.1 m better than pf in per-run RMSE, 95 % [18, 25], Wilcoxon p = 6.1e-05, ...'
+    sentence(pair, names, metric, unit) -> 'ekf is 21.1 m better than pf in per-run RMSE, 95 % [18, 25], ...'
     traffic(folder, table) -> [PointTraffic of each row]        hint(here, there, names) -> a sentence, or ''
     degenerate(particles, nees, lost) -> why a particle filter may have lost its target, or ''
 
@@ -86,20 +86,9 @@ LEVEL: Final = 0.05
 Pair = Mapping[str, Any]
 
 
-class PairWords(NamedTuple):
-    """The names in a sentence: the point and its baseline, where they are compared, the metric and its unit."""
-
-    point: str
-    baseline: str
-    group: str
-    metric: str
-    unit: str
-
-
-def sentence(pair: Pair, words: PairWords) -> str:
-    """What the columns of a pair (`pairs.with_pairs`) say, losses first."""
-    clauses = [clause for clause in (_of_losses(pair, words), _of_metric(pair, words)) if clause]
-    return (f"{words.group}: " if words.group else "") + "; ".join(clauses)
+def sentence(pair: Pair, names: tuple[str, str], metric: str, unit: str) -> str:
+    """What the columns of a pair (`with_pairs`) say, losses first. `names`: of the point and of its baseline."""
+    return "; ".join(filter(None, (_of_losses(pair, *names), _of_metric(pair, names, metric, unit))))
 
 
 def shows_difference(pair: Pair) -> bool:
@@ -108,7 +97,7 @@ def shows_difference(pair: Pair) -> bool:
     return bool((low > 0.0 or high < 0.0) and pair["p_holm"] <= LEVEL)
 
 
-def _of_losses(pair: Pair, words: PairWords) -> str:
+def _of_losses(pair: Pair, point: str, baseline: str) -> str:
     """The clause on losses; empty if no run was lost."""
     if math.isnan(pair["p_losses"]):
         return ""
@@ -116,36 +105,32 @@ def _of_losses(pair: Pair, words: PairWords) -> str:
     test = f"exact McNemar p = {p_value(pair['p_losses_holm'])}, Holm-corrected, {pair['common']:.0f} pairs"
     if not pair["p_losses_holm"] <= LEVEL:
         return (
-            f"no difference in losses is shown between {words.point} and {words.baseline}"
+            f"no difference in losses is shown between {point} and {baseline}"
             f" ({counted(alone, 'run')} lost by the former alone, {other} by the latter alone, {test})"
         )
-    fewer, more = (words.point, words.baseline) if alone < other else (words.baseline, words.point)
+    fewer, more = (point, baseline) if alone < other else (baseline, point)
     few, many = sorted((alone, other))
     return f"{fewer} loses its target in fewer runs than {more} ({few} lost by it alone, {many} by the other, {test})"
 
 
-def _of_metric(pair: Pair, words: PairWords) -> str:
+def _of_metric(pair: Pair, names: tuple[str, str], metric: str, unit: str) -> str:
     """The clause on the metric."""
-    name, pairs = run_metric_name(words.metric), int(pair["pairs"])
-    among = counted(pairs, "pair") + (
-        " of runs that both survive" if pairs < pair["common"] and words.metric in ERRORS else ""
-    )
+    name, pairs, (point, baseline) = run_metric_name(metric), int(pair["pairs"]), names
+    among = counted(pairs, "pair") + " of runs that both survive" * (pairs < pair["common"] and metric in ERRORS)
     if pairs < LEAST:
-        return (
-            f"{among} {'is' if pairs == 1 else 'are'} too few to compare {words.point} and {words.baseline} in {name}"
-        )
+        return f"{among} {'is' if pairs == 1 else 'are'} too few to compare {point} and {baseline} in {name}"
     test = f"Wilcoxon p = {p_value(pair['p_holm'])}, Holm-corrected, {among}"
     value, low, high = (float(pair[key]) for key in ("difference", "difference_low", "difference_high"))
-    unit = f" {words.unit}" if words.unit not in ("", "1") else ""
+    unit = f" {unit}" if unit not in ("", "1") else ""
     if not shows_difference(pair):
         return (
-            f"no difference in {name} is shown between {words.point} and {words.baseline}:"
+            f"no difference in {name} is shown between {point} and {baseline}:"
             f" median {number(value)}{unit}, 95 % [{number(low)}, {number(high)}], {test}"
         )
-    ranks = ("better", "worse") if words.metric in ERRORS else ("lower", "higher")
+    ranks = ("better", "worse") if metric in ERRORS else ("lower", "higher")
     size, *ends = (value, low, high) if value > 0.0 else (-value, -high, -low)  # without the sign
     return (
-        f"{words.point} is {number(size)}{unit} {ranks[value >= 0.0]} than {words.baseline} in {name},"
+        f"{point} is {number(size)}{unit} {ranks[value >= 0.0]} than {baseline} in {name},"
         f" 95 % [{number(ends[0])}, {number(ends[1])}], {test}"
     )
 

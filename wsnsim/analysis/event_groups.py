@@ -6,11 +6,11 @@ LoggedMessage, LoggedBurst      a unicast over its hops, a broadcast, or a flood
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from wsnsim.analysis.logged_events import ACK, LoggedEvent, OtherSteps
+from wsnsim.analysis.logged_events import ACKS, STROBE, LoggedEvent, OtherSteps
 
 EVERYONE: Final = -1
 
@@ -62,8 +62,10 @@ class LoggedMessage:
         ended: reason why a burst of it was not sent ('no_path', 'no_channel', ...); '' if all were sent.
         most: packets of its largest burst.
         joules: energy of its senders and addressed receivers, wake-up calls included, overhearing excluded.
-        frames: its bursts, without acknowledgements.
-        acknowledgements: number of acknowledgements received.
+        frames: its bursts, without acknowledgements and strobes.
+        acknowledgements: number of acknowledgements received, without those of strobes.
+        strobes: number of strobes sent.
+        strobe_bits: bits of these.
         callers: nodes that sent wake-up calls for it.
         woken: nodes that these calls woke.
         expired: nodes at which it expired.
@@ -83,6 +85,8 @@ class LoggedMessage:
     joules: float = 0.0
     frames: list[LoggedBurst] = field(default_factory=list)
     acknowledgements: int = 0
+    strobes: int = 0
+    strobe_bits: int = 0
     callers: list[int] = field(default_factory=list)
     woken: list[int] = field(default_factory=list)
     expired: list[int] = field(default_factory=list)
@@ -94,6 +98,8 @@ class LoggedMessage:
         for burst in self.frames:
             if burst.source == nodes[-1] and burst.to != EVERYONE:
                 nodes.append(burst.to)
+        if self.strobes and not (self.frames or self.is_broadcast):
+            nodes.append(self.to)
         return tuple(nodes)
 
     @property
@@ -112,8 +118,8 @@ class LoggedMessage:
 
     @property
     def bits(self) -> int:
-        """Bits put on the air, summed over bursts and hops."""
-        return sum(burst.bits for burst in self.frames)
+        """Bits put on the air, summed over strobes, bursts and hops."""
+        return self.strobe_bits + sum(burst.bits for burst in self.frames)
 
     @property
     def is_broadcast(self) -> bool:
@@ -186,25 +192,22 @@ def group_events(
         rows: the events of a step.
         other_steps: what `logged_events.in_other_steps` returns.
     """
-    found: list[NodeAction | LoggedMessage] = []
-    messages: dict[tuple[bool, int], LoggedMessage] = {}
-    actions: dict[tuple[object, ...], tuple[NodeAction, set[int]]] = {}
-    rows = list(rows)
+    groups, rows = _StepGroups(), list(rows)
     heads = {row.node for row in rows if row.kind in ("estimate", "announce", "allocate", "handover")}
     for row in rows:
         if row.kind == "drop" and row.frame == 0 and row.what == EXPIRED:
-            message = messages.get((True, row.sequence))
+            message = groups.messages.get((True, row.sequence))
             if message is None:
-                _add_action(row, False, actions, found.append)
+                groups.add_action(row)
             else:
                 message.expired.append(row.node)
         elif row.kind in SENDS or row.kind in OUTCOMES:
-            _add_burst_event(row, messages, found.append, (other_steps or {}).get(row.sequence, OtherSteps()))
+            groups.add_burst_event(row, (other_steps or {}).get(row.sequence, OtherSteps()))
         elif row.kind not in CALLS:
-            _add_action(row, row.kind == "compute" and row.node in heads, actions, found.append)
-    for row in _assign_calls([row for row in rows if row.kind in CALLS], list(messages.values())):
-        _add_action(row, False, actions, found.append)
-    return sorted(found, key=lambda one: one.time)
+            groups.add_action(row, row.kind == "compute" and row.node in heads)
+    for row in _assign_calls([row for row in rows if row.kind in CALLS], list(groups.messages.values())):
+        groups.add_action(row)
+    return sorted(groups.found, key=lambda one: one.time)
 
 
 def _assign_calls(rows: Sequence[LoggedEvent], messages: Sequence[LoggedMessage]) -> list[LoggedEvent]:
@@ -236,66 +239,63 @@ def _assign_calls(rows: Sequence[LoggedEvent], messages: Sequence[LoggedMessage]
     return left
 
 
-def _add_action(
-    row: LoggedEvent,
-    by_head: bool,
-    actions: dict[tuple[object, ...], tuple[NodeAction, set[int]]],
-    append: Callable[[NodeAction], None],
-) -> None:
-    """Add an event that belongs to no message, or the overhearing of a burst, to its action."""
-    overheard = row.kind == "overhear"
-    key = (row.kind,) if overheard else (row.kind, row.what, row.target, row.peer, by_head)
-    action, nodes = actions.get(key, (None, set()))
-    if action is None or (row.node in nodes and not overheard):
-        action, nodes = (
-            NodeAction(row.time, row.time, row.kind, row.what, row.target, -1 if overheard else row.peer),
-            set(),
-        )
-        actions[key] = action, nodes
-        append(action)
-    nodes.add(row.node)
-    action.until = row.time
-    action.nodes.append(row.node)
-    action.count += 1
-    action.packets += row.packets
-    action.bits += row.bits
-    action.joules += row.joules
+class _StepGroups:
+    """The messages, by sequence number or burst, and the actions of a step so far."""
 
+    def __init__(self) -> None:
+        self.found: list[NodeAction | LoggedMessage] = []
+        self.messages: dict[tuple[bool, int], LoggedMessage] = {}
+        self._actions: dict[tuple[object, ...], tuple[NodeAction, set[int]]] = {}
 
-def _add_burst_event(
-    row: LoggedEvent,
-    messages: dict[tuple[bool, int], LoggedMessage],
-    append: Callable[[LoggedMessage], None],
-    other: OtherSteps,
-) -> None:
-    """Add an event of a burst to its message."""
-    key = (row.sequence > 0, row.sequence or row.frame)
-    message = messages.get(key) if key[1] else None
-    if message is None:
-        message = _new_message(row, other)
-        append(message)
-        if key[1]:
-            messages[key] = message
-    message.until = row.time
-    message.joules += row.joules
-    if row.what == ACK:
-        message.acknowledgements += row.kind == "receive"
-    elif row.kind in SENDS:
-        message.frames.append(LoggedBurst(row.frame, row.node, row.peer, row.packets, row.bits))
-        message.to = EVERYONE if row.peer == EVERYONE else message.to
-        message.most = max(message.most, row.packets)
-        message.what = message.what or row.what
-    elif row.frame == 0:
-        message.ended = row.what or "no_reason"
-        message.most = max(message.most, row.packets)
-    else:
-        _add_outcome(message, row)
+    def add_action(self, row: LoggedEvent, by_head: bool = False) -> None:
+        """Add an event that belongs to no message, or the overhearing of a burst, to its action."""
+        overheard = row.kind == "overhear"
+        key = (row.kind,) if overheard else (row.kind, row.what, row.target, row.peer, by_head)
+        action, nodes = self._actions.get(key, (None, set()))
+        if action is None or (row.node in nodes and not overheard):
+            action = NodeAction(row.time, row.time, row.kind, row.what, row.target, -1 if overheard else row.peer)
+            _, nodes = self._actions[key] = action, set()
+            self.found.append(action)
+        nodes.add(row.node)
+        action.until = row.time
+        action.nodes.append(row.node)
+        action.count += 1
+        action.packets += row.packets
+        action.bits += row.bits
+        action.joules += row.joules
+
+    def add_burst_event(self, row: LoggedEvent, other: OtherSteps) -> None:
+        """Add an event of a burst to its message."""
+        key = (row.sequence > 0, row.sequence or row.frame)
+        message = self.messages.get(key) if key[1] else None
+        if message is None:
+            message = _new_message(row, other)
+            self.found.append(message)
+            if key[1]:
+                self.messages[key] = message
+        message.until = row.time
+        message.joules += row.joules
+        if row.what in ACKS:
+            message.acknowledgements += row.kind == "receive" and row.what == ACKS[0]
+        elif row.what == STROBE:
+            message.strobes += row.kind in SENDS
+            message.strobe_bits += row.bits * (row.kind in SENDS)
+        elif row.kind in SENDS:
+            message.frames.append(LoggedBurst(row.frame, row.node, row.peer, row.packets, row.bits))
+            message.to = EVERYONE if row.peer == EVERYONE else message.to
+            message.most = max(message.most, row.packets)
+            message.what = message.what or row.what
+        elif row.frame == 0:
+            message.ended = row.what or "no_reason"
+            message.most = max(message.most, row.packets)
+        else:
+            _add_outcome(message, row)
 
 
 def _new_message(row: LoggedEvent, other: OtherSteps) -> LoggedMessage:
     """The message of its first event in this step. If that event is not a send, it began in an earlier step."""
-    what = other.what if row.frame == 0 or row.what == ACK else row.what
-    is_answer = row.what == ACK if row.kind in SENDS else row.frame != 0
+    what = other.what if row.frame == 0 or row.what in (*ACKS, STROBE) else row.what
+    is_answer = row.what in ACKS if row.kind in SENDS else row.frame != 0
     if is_answer:
         return LoggedMessage(row.time, row.time, what, row.target, row.peer, row.node, False, other.after)
     relayed = row.kind == "relay"

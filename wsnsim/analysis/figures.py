@@ -20,7 +20,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from wsnsim.analysis import error_bounds, plot_data, plots, sweep_plots
-from wsnsim.analysis.figure_style import GIF, STYLE, Panel, figure_of, save, suffix_of
+from wsnsim.analysis.figure_style import GIF, STYLE, WIDTHS, Panel, figure_of, save, suffix_of
 from wsnsim.base.errors import ResultError
 from wsnsim.recording.atomic_files import replacing
 from wsnsim.recording.folder import Folder
@@ -137,14 +137,17 @@ def draw_campaign(
 ) -> WrittenFigure:
     """Plot a campaign over one of its keys: a metric, energy, lost fraction and paired differences.
 
+    At the width of a column the metric stands alone, so that the figure fits a page.
+
     Raises:
         UsageError: the campaign does not vary the key, there is no such metric, or the suffix is unknown.
         ResultError: there are no results yet, or the figure cannot be written.
     """
     suffix_of(out)
     lines = sweep_plots.lines_of(folder, metric, key)
-    left_out = sweep_plots.lacking(lines)
-    panels = {name: getattr(sweep_plots, name) for name in SWEPT if name not in left_out}
+    shown = SWEPT[:1] if width == WIDTHS["column"] else SWEPT
+    left_out = {name: why for name, why in sweep_plots.lacking(lines).items() if name in shown}
+    panels = {name: getattr(sweep_plots, name) for name in shown if name not in left_out}
     with style.context(["default", STYLE]):
         figure = figure_of([partial(panel, lines=lines, legend=False) for panel in panels.values()], width)
         if width is None:

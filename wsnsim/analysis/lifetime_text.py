@@ -10,7 +10,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from wsnsim.analysis.phrases import WIDTH, aligned, wrapped
+from wsnsim.analysis.phrases import aligned, width, wrapped
 from wsnsim.base.errors import counted
 
 HOUR, DAY, YEAR = 3600.0, 86_400.0, 365.25 * 86_400.0
@@ -31,7 +31,7 @@ def text(point: Point) -> str:
         lines += [
             line
             for item in items
-            for line in textwrap.wrap(item, WIDTH, initial_indent="  - ", subsequent_indent="    ")
+            for line in textwrap.wrap(item, width(), initial_indent="  - ", subsequent_indent="    ")
         ]
     return "\n".join(lines)
 

@@ -20,8 +20,9 @@ from wsnsim.recording import attributes, meanings, read_table, row_count
 
 BLOCK: Final = 1 << 22
 """Rows that are read at once in the search for the rows of a step."""
-ACK: Final = "ack"
-"""Content of acknowledgements: they have the sequence number of the message, but do not tell what it carried."""
+ACKS: Final = ("ack", "early_ack")
+STROBE: Final = "strobe"
+"""Contents of control frames: they have the sequence number of the message, but do not tell what it carried."""
 
 
 class LoggedEvent(NamedTuple):
@@ -101,7 +102,7 @@ def in_other_steps(path: str | Path, replicate: int, step: int, rows: Sequence[L
             sequence, later = int(columns["sequence"][i]), bool(columns["step"][i] > step)
             old = known.get(sequence, OtherSteps())
             word = _word(words, int(columns["what"][i])) if columns["frame"][i] else ""
-            what = old.what or (word if word != ACK else "")
+            what = old.what or (word if word not in (*ACKS, STROBE) else "")
             known[sequence] = OtherSteps(old.before or not later, old.after or later, what)
     return known
 

@@ -5,6 +5,8 @@ energy_in_words(joules);   counted(3, 'packet');   listed(nodes);   StepContext
 
 from __future__ import annotations
 
+import shutil
+import sys
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,8 +16,10 @@ from wsnsim.base.errors import shortened
 
 MOST_NODES: Final = 24
 """Maximum number of nodes that a sentence lists (our choice)."""
-WIDTH: Final = 100
-"""Characters of a line of a sentence in a terminal."""
+WIDEST: Final = 100
+"""Characters of the longest line in a terminal."""
+NARROWEST: Final = 60
+"""Columns of a terminal below which lines are longer than it."""
 PARCELS: Final = {
     "announce": ("its announcement", "their announcements"),
     "join": ("its join request", "their join requests"),
@@ -119,20 +123,26 @@ def energy_in_words(joules: float) -> str:
     return f"{joules / 1e-9:.3g} nJ"
 
 
+def width() -> int:
+    """Return the columns for a table or a text: those of the terminal, 100 at most, and 100 if there is none."""
+    has_terminal = sys.stdout is not None and sys.stdout.isatty()
+    return max(NARROWEST, min(WIDEST, shutil.get_terminal_size().columns)) if has_terminal else WIDEST
+
+
 def aligned(rows: Sequence[Sequence[str]], left: int = 1, at: int = 0) -> list[str]:
     """The lines of a table for a terminal, indented by two; its first `left` columns are flush left, others right.
 
     A table that is wider than a terminal is split, first before the column `at`; the first columns begin each part.
     """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    if sum(widths[:left]) + 2 * left + max(widths[left:], default=0) + 2 > WIDTH:  # cells are cut
+    if sum(widths[:left]) + 2 * left + max(widths[left:], default=0) + 2 > width():  # cells are cut
         # to 12 characters at least, since `shortened` keeps 9 of the end
-        most = (max(WIDTH // 2 // max(left, 1) - 2, 12), WIDTH // 2 - 2)
+        most = (max(width() // 2 // max(left, 1) - 2, 12), width() // 2 - 2)
         rows = [[shortened(cell, most[i >= left]) for i, cell in enumerate(row)] for row in rows]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     names, parts = list(range(left)), [list(range(left))]
     for i in range(left, len(widths)):
-        wide = sum(widths[j] + 2 for j in ([*parts[-1], i] if i != at else range(len(widths)))) > WIDTH
+        wide = sum(widths[j] + 2 for j in ([*parts[-1], i] if i != at else range(len(widths)))) > width()
         if wide and parts[-1] != names:
             parts.append([*names])
         parts[-1].append(i)
@@ -144,14 +154,14 @@ def wrapped(sentence: str, first: str = "", indent: str | None = None) -> list[s
     """The lines of a sentence for a terminal: `first` begins the first one, `indent` (else spaces) the others."""
     later = " " * len(first) if indent is None else indent
     return textwrap.wrap(
-        sentence, WIDTH, initial_indent=first, subsequent_indent=later, break_long_words=False, break_on_hyphens=False
+        sentence, width(), initial_indent=first, subsequent_indent=later, break_long_words=False, break_on_hyphens=False
     )
 
 
 def fitting(lines: Sequence[str], indent: str) -> str:
     """Lines as a text for a terminal: what is wider is continued after an indent."""
     return "\n".join(
-        piece for line in lines for piece in (wrapped(line, indent=indent) if len(line) > WIDTH else [line])
+        piece for line in lines for piece in (wrapped(line, indent=indent) if len(line) > width() else [line])
     )
 
 

@@ -1,12 +1,12 @@
 """What answers and summaries are made of: short tables, position errors, joules by cause, kinds of workload and faults.
 
-facts_of_file(path)      facts_of_tables(tables, scenario)      facts_of_report(report)      -> ResultFacts
+facts_of_file(path)      facts_of_report(report)      -> ResultFacts
 position_unit(path) -> 'm'
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -19,12 +19,11 @@ from wsnsim.base import metrics
 from wsnsim.base.arrays import Bools, Floats, Ints
 from wsnsim.base.multi_target import cutoff_of
 from wsnsim.base.results import Report
-from wsnsim.base.setups import TrackingSetup
 from wsnsim.base.tables import CAUSES
 from wsnsim.recording import attributes, read_json, read_table, tables
 
 Table = Mapping[str, Any]
-"""Columns by name: a DataFrame, or a mapping to arrays."""
+"""Columns by name."""
 MANY_ROWS: Final = 500_000
 """Rows of the table `energy` above which the energy is summed from `energy_steps`, if that is shorter (our choice)."""
 SHORT: Final = ("runs", "tracks", "reports")
@@ -171,59 +170,37 @@ def joules_of(report: Report) -> dict[str, float]:
 def facts_of_file(path: str | Path) -> ResultFacts:
     """The facts of a result file; of its long tables, only the errors and the joules are read."""
     held = {name: size.rows for name, size in tables(path).items() if size.rows}
-    found: dict[str, Table] = {name: read_table(path, name) for name in SHORT if name in held}
+    runs, tracks, reports = (_columns(read_table(path, name)) if name in held else {} for name in SHORT)
+    count = next(iter(runs.values())).size if runs else 0
+    estimates: Table = {}
     if multi_target.is_unlabelled(path):
-        found["estimates"] = _of_followed(path) if {"truth", "runs"} <= held.keys() else {}
+        estimates = _of_followed(path) if {"truth", "runs"} <= held.keys() else {}
     elif "estimates" in held:
-        found["estimates"] = read_table(path, "estimates", ["replicate", "target", "step", "error"])
+        estimates = read_table(path, "estimates", ["replicate", "target", "step", "error"])
     energy = [name for name in ("energy", "energy_steps") if name in held]
     if len(energy) > 1 and held["energy"] > MANY_ROWS:
-        energy.sort(key=lambda name: held[name])
-    if energy:
-        found["energy"] = read_table(path, energy[0], ["replicate", "cause", "joules"])
+        energy.sort(key=held.__getitem__)
+    joules = _joules(read_table(path, energy[0], ["cause", "joules"]), count) if energy and count else {}
     about, root = read_json(path, "scenario/resolved_json", optional=True), attributes(path)
     position = len(root["position"] or ()) if root["states"] else 0
-    return _of_columns(found, _context(position_unit(path), about, position))
+    recorded, context = _errors(estimates), _context(position_unit(path), about, position)
+    return ResultFacts(runs, _by_run(tracks, count), reports, recorded, joules, **context)
 
 
 def _of_followed(path: str | Path) -> Table:
     """Columns of `estimates` as they are where readings name their target: of the tracks that follow targets."""
-    pieces = []
-    for run in multi_target.followed_runs(path):
-        targets, steps = run.errors.shape
-        pieces.append(np.stack([
-            np.full(run.errors.size, run.replicate), np.repeat(np.arange(targets), steps),
-            np.tile(np.arange(1, steps + 1), targets), run.errors.ravel(),
-        ]))  # fmt: skip
-    return dict(zip(("replicate", "target", "step", "error"), np.concatenate(pieces, axis=1), strict=True))
+    pieces = [
+        np.stack([np.full_like(run.errors, run.replicate), *np.indices(run.errors.shape), run.errors]).reshape(4, -1)
+        for run in multi_target.followed_runs(path)
+    ]
+    replicates, targets, places, errors = np.concatenate(pieces, axis=1)
+    return {"replicate": replicates, "target": targets, "step": places + 1, "error": errors}
 
 
 def position_unit(path: str | Path) -> str:
     """The unit of the errors; metres in a file without a target."""
     root = attributes(path)
     return str(root["states"][(root["position"] or (0,))[0]][1]) if root["states"] else "m"
-
-
-def facts_of_tables(found: Mapping[str, Table], scenario: Any) -> ResultFacts:
-    """The facts of tables in memory.
-
-    Args:
-        found: tables by name, as DataFrames or as mappings of columns to arrays. `runs` must be there; `tracks`,
-            `estimates`, `energy` and `reports` say more.
-        scenario: the Scenario of the runs.
-    """
-    setup = scenarios.build(scenario)
-    motion = setup.motions[0] if isinstance(setup, TrackingSetup) else None
-    unit, position = (motion.units[motion.position[0]], len(motion.position)) if motion else ("m", 0)
-    return _of_columns(found, _context(unit, scenarios.resolved(scenario), position))
-
-
-def _of_columns(found: Mapping[str, Table], context: dict[str, Any]) -> ResultFacts:
-    runs = _columns(found.get("runs", {}))
-    count = next(iter(runs.values())).size if runs else 0
-    joules = _joules(found.get("energy", {}), count) if count else {}
-    tracks, reports = _by_run(found.get("tracks", {}), count), _columns(found.get("reports", {}))
-    return ResultFacts(runs, tracks, reports, _errors(found.get("estimates", {})), joules, **context)
 
 
 def _columns(table: Table) -> dict[str, Floats]:
@@ -241,27 +218,19 @@ def _by_run(table: Table, runs: int) -> dict[str, Floats]:
 
 def _errors(table: Table) -> RecordedErrors:
     """The position errors of the table `estimates`."""
-    if not {"replicate", "target", "step", "error"} <= set(table) or not len(table["step"]):
+    if not table:
         return RecordedErrors()
     names = ("replicate", "target", "step")
-    (numbers, row), (targets, target), (steps, step) = (
-        np.unique(np.asarray(table[name]), return_inverse=True) for name in names
-    )
+    (numbers, row), (targets, target), (steps, step) = (np.unique(table[name], return_inverse=True) for name in names)
     errors = np.full((numbers.size, targets.size, steps.size), np.nan)
-    errors[row, target, step] = np.asarray(table["error"])
+    errors[row, target, step] = table["error"]
     return RecordedErrors(numbers.astype(np.int64), steps.astype(np.int64), errors)
 
 
 def _joules(table: Table, runs: int) -> dict[str, float]:
-    """Joules by cause, mean over the runs, of a table with the columns `cause` (words or codes) and `joules`."""
-    if not {"cause", "joules"} <= set(table):
-        return {}
-    causes, joules = np.asarray(table["cause"]), np.asarray(table["joules"], dtype=np.float64)
-    words: Sequence[str] = CAUSES
-    names, code = np.unique(causes, return_inverse=True)
-    sums = np.bincount(code, joules, names.size) / runs
-    named = [words[int(name)] if causes.dtype.kind in "ui" and int(name) < len(words) else str(name) for name in names]
-    return dict(zip(named, sums.tolist(), strict=True))
+    """Joules by cause, mean over the runs, of a table with the columns `cause` and `joules`."""
+    sums = np.bincount(table["cause"], table["joules"], len(CAUSES)) / runs
+    return {CAUSES[code]: float(sums[code]) for code in np.unique(table["cause"]) if code < len(CAUSES)}
 
 
 def fault_kinds(resolved: Mapping[str, Any]) -> tuple[str, ...]:

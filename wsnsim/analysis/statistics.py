@@ -76,12 +76,6 @@ def _estimated(values: Floats, statistic: Any) -> IntervalEstimate:
     )
 
 
-def interval_of_median(values: Floats) -> tuple[float, float]:
-    """The bootstrap interval of the median; NaN if fewer than five values are known."""
-    found = median(values)
-    return found.low, found.high
-
-
 def share(flags: Bools) -> IntervalEstimate:
     """The share of runs in which something happened, with its score interval (Wilson 1927)."""
     count = len(flags)

@@ -102,7 +102,8 @@ def _parcel(what: str, several: bool) -> str:
 def outcome(message: LoggedMessage) -> str:
     """The outcome of a unicast message in a few words; equal outcomes have equal words."""
     if not message.frames:
-        return f"not sent: {_reason(message.ended)}" if message.ended else "not sent in this step"
+        unsent = "strobes not answered" if message.strobes else "not sent"
+        return f"{unsent}: {_reason(message.ended)}" if message.ended else f"{unsent} in this step"
     hop = message.hop
     arrived = [frame for frame in hop if frame.arrived]
     if message.ended or (not arrived and not message.goes_on):
@@ -227,9 +228,11 @@ def _facts(group: Sequence[LoggedMessage]) -> str:
     """The amount of what was sent, and the energy of all senders and receivers."""
     frames = sum(len(one.frames) for one in group)
     hops = len(group[0].path) - 1 if len(group) == 1 and not group[0].is_broadcast else 1
-    facts = [counted(sum(one.packets for one in group), "packet")]
+    packets, strobes = (sum(getattr(one, name) for one in group) for name in ("packets", "strobes"))
+    facts = [counted(packets, "packet")] if packets or not strobes else []
     facts += [counted(hops, "hop")] if hops > 1 else []
     facts += [counted(frames, "frame")] if frames > max(hops, len(group)) else []
+    facts += [counted(strobes, "strobe")] if strobes else []
     facts += [counted(sum(one.bits for one in group), "bit"), energy_in_words(sum(one.joules for one in group))]
     return f"({', '.join(facts)})"
 

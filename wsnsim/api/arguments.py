@@ -1,7 +1,7 @@
 """The arguments of `simulate`, `run`, `sweep`, `compare` and of a result's methods: their checks, and what they change.
 
 changes_of({"tracker": "ekf", "link": {"reach": "60 m"}}) -> [("tracker.kind", "ekf"), ("link.reach", "60 m")]
-with shown(True, "run") as step: step(done, total)     a progress bar: a widget in Jupyter, a line on a terminal
+with shown(True, "run", "runs", of_runs) as report: report(progress)     a widget in Jupyter, a line on a terminal
 
 A check raises UsageError: which argument, what is allowed, what was given.
 """
@@ -54,22 +54,10 @@ def demand_several(trackers: Any) -> None:
     from wsnsim.scenario.tracker_choices import choices_of
 
     demand_trackers(trackers)
-    with named_as_in_python():
+    with renamed():
         choices = choices_of([trackers] if isinstance(trackers, str) else trackers)
     if len(choices) < 2:
         raise UsageError(f"trackers: expected at least two to compare, {TRACKERS}, got {shown_value(trackers)}")
-
-
-def tables_given(keep: Any) -> tuple[str, ...]:
-    """Return the names in `keep`; None means none."""
-    if keep is None:
-        return ()
-    if isinstance(keep, str):
-        return (keep,)
-    found = tuple(keep) if isinstance(keep, Iterable) else (None,)
-    if not all(isinstance(each, str) for each in found):
-        raise UsageError(f"keep: expected names of tables, such as ['events'], got {shown_value(keep)}")
-    return found
 
 
 def file_given(argument: str, value: Any, *suffixes: str, hint: str = "") -> Path:
@@ -95,22 +83,21 @@ def result_file(argument: str, value: Any) -> Path:
 
 
 @contextmanager
-def named_as_in_python() -> Iterator[None]:
-    """Name arguments of Python in error messages, in place of options of the command line."""
+def renamed(names: Mapping[str, str] = OPTIONS) -> Iterator[None]:
+    """Replace names in error messages, by default those of options by those of arguments."""
+
+    def said(text: str) -> str:
+        for name, other in names.items():
+            text = text.replace(name, other)
+        return text
+
     try:
         yield
     except UsageError as error:
-        raise UsageError(_renamed(str(error))) from error.__cause__
+        raise UsageError(said(str(error))) from error.__cause__
     except ScenarioError as error:
-        raise ScenarioError(
-            [replace(one, place=_renamed(one.place), message=_renamed(one.message)) for one in error.issues]
-        ) from error.__cause__
-
-
-def _renamed(text: str) -> str:
-    for option, argument in OPTIONS.items():
-        text = text.replace(option, argument)
-    return text
+        issues = [replace(one, place=said(one.place), message=said(one.message)) for one in error.issues]
+        raise ScenarioError(issues) from error.__cause__
 
 
 Choice: TypeAlias = Any
@@ -203,8 +190,13 @@ def _leaves(key: str, value: Any) -> Iterator[Override]:
         yield from _leaves(f"{key}.{name}", inner)
 
 
-def _kept(keep: Iterable[str] | None) -> Iterator[Override]:
-    for table in tables_given(keep):
+def _kept(keep: Any) -> Iterator[Override]:
+    """The overrides that record the tables named in `keep`; None means none."""
+    names: Any = () if keep is None else (keep,) if isinstance(keep, str) else keep
+    names = tuple(names) if isinstance(names, Iterable) else (None,)
+    if not all(isinstance(each, str) for each in names):
+        raise UsageError(f"keep: expected names of tables, such as ['events'], got {shown_value(keep)}")
+    for table in names:
         if table not in TABLES:
             raise UsageError(f"keep: there is no table '{table}' ({did_you_mean(table, TABLES)})")
         yield f"record.{table}", True
@@ -214,8 +206,17 @@ WAIT: Final = 1.0
 """Seconds before a bar appears: shorter work needs none."""
 BAR: Final = "{desc}: {percentage:3.0f}%|{bar}| {n:.3g}/{total:g} {unit} [{elapsed}<{remaining}]"
 
-Step = Callable[[float, float], None]
-"""Called with how much is done, and how much there is."""
+Share = Callable[[Any], tuple[float, float]]
+
+
+def of_runs(now: Any) -> tuple[float, float]:
+    """How many runs are done, and how many there are."""
+    return now.replicate + now.time / now.duration, now.replicates
+
+
+def of_campaign(now: Any) -> tuple[float, float]:
+    """How many runs of a campaign are done, and how many there are."""
+    return now.done, now.total
 
 
 def in_notebook() -> bool:
@@ -225,22 +226,23 @@ def in_notebook() -> bool:
 
 
 @contextlib.contextmanager
-def shown(wanted: object, what: str, unit: str) -> Iterator[Step | None]:
-    """A function that moves a bar, or None if none is wanted.
+def shown(wanted: Any, what: str, unit: str, share: Share) -> Iterator[Callable[[Any], None] | None]:
+    """The function that is called with the progress: that of the caller, one that moves a bar, or None.
 
     Args:
-        wanted: True or False; None: in a notebook; anything else, such as a function of the caller: no bar.
-        what: the text in front of it.
+        wanted: a function; True or False: whether there is a bar; None: in a notebook.
+        what: the text in front of the bar.
         unit: what is counted.
+        share: gives how much is done, and how much there is.
     """
-    if not (in_notebook() if wanted is None else wanted is True):
-        yield None
+    if callable(wanted) or not (in_notebook() if wanted is None else wanted):
+        yield wanted if callable(wanted) else None
         return
     bar: Any = _bar_class()(total=1.0, desc=what, unit=unit, delay=WAIT, leave=False, bar_format=BAR)
 
-    def step(done: float, total: float) -> None:
-        bar.total = total
-        bar.update(min(done, total) - bar.n)
+    def step(now: Any) -> None:
+        done, bar.total = share(now)
+        bar.update(min(done, bar.total) - bar.n)
 
     try:
         yield step

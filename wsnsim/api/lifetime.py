@@ -13,7 +13,7 @@ import pandas as pd
 
 import wsnsim.experiment as experiment
 from wsnsim.analysis import lifetime_result, lifetime_text
-from wsnsim.api.arguments import Changes, file_given, named_as_in_python, overrides_of, shown
+from wsnsim.api.arguments import Changes, file_given, of_campaign, overrides_of, renamed, shown
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.campaign.engines import CampaignProgress
 from wsnsim.campaign.sweeping import engine_of, needs_main_guard
@@ -116,12 +116,10 @@ def lifetime(  # noqa: PLR0913
         chosen.append(("lifetime.intrusions", intrusions) if one else ("lifetime.times", list(intrusions)))  # type: ignore[arg-type]
     workers = 0 if workers is None and needs_main_guard() else workers
     with ExitStack() as stack:
-        with named_as_in_python():
+        with renamed():
             loaded = experiment.load(scenario, chosen, plugins)
         folder = Path(visits or stack.enter_context(tempfile.TemporaryDirectory(prefix="wsnsim-")))
-        step = stack.enter_context(shown(progress, loaded.name, "visits"))
-        own = progress if callable(progress) else lambda now: None
-        report = own if step is None else lambda now: step(now.done, now.total)
+        report = stack.enter_context(shown(progress, loaded.name, "visits", of_campaign)) or (lambda now: None)
         return LifetimeResult(
             estimate_lifetime(loaded, folder, lambda: engine_of(folder, workers, scheduler), report=report)
         )

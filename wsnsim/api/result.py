@@ -12,8 +12,8 @@ import html as markup
 import math
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, final
@@ -327,10 +327,7 @@ def plot(result: Result | str | Path, what: str = "track", *, ax: Axes | None = 
         UsageError: there is no such plot, option, column, run or target, or `result` is neither a result nor a path.
         ResultError: the file cannot be read, or a table that the plot needs was not recorded.
     """
-    if isinstance(result, Result):
-        return result.plot(what, ax, **options)
-    path = _path_of(result)
-    return ResultPlots(lambda: nullcontext(path))(what, ax, **options)
+    return ResultPlots(_file_of(result))(what, ax, **options)
 
 
 def gospa(result: Result | str | Path, cutoffs: Sequence[float] = (), order: float = 2.0) -> pd.DataFrame:
@@ -358,17 +355,17 @@ def gospa(result: Result | str | Path, cutoffs: Sequence[float] = (), order: flo
     """
     from wsnsim.analysis.multi_target import gospa_table
 
+    with _file_of(result)() as file:
+        return gospa_table(file, cutoffs, order)
+
+
+def _file_of(result: object) -> Callable[[], AbstractContextManager[Path]]:
+    """What opens the file of a result, or of a path that was given in place of one."""
     if isinstance(result, Result):
-        with result._file() as file:
-            return gospa_table(file, cutoffs, order)
-    return gospa_table(_path_of(result), cutoffs, order)
-
-
-def _path_of(result: object) -> Path:
-    """A path that was given in place of a result."""
+        return result._file
     if not isinstance(result, str | os.PathLike):
         raise UsageError(
             f"result: expected what wsnsim.simulate or wsnsim.run returned, or the path of a result file, got "
             f"{shown_value(result)}"
         )
-    return Path(result)
+    return lambda: nullcontext(Path(result))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, Unpack
 
 import wsnsim.experiment as experiment
-from wsnsim.api.arguments import Changes, named_as_in_python, overrides_of, result_file, shown
+from wsnsim.api.arguments import Changes, of_runs, overrides_of, renamed, result_file, shown
 from wsnsim.api.result import Result
 from wsnsim.base.errors import UsageError
 from wsnsim.base.runs import Progress, run_number, run_numbers
@@ -64,15 +64,10 @@ def simulate(
     chosen = overrides_of("simulate", changes, overrides, seed, keep)
     replicate = run_number(replicate)
     loaded = _loaded(scenario, chosen, plugins)
-    on_time = None if isinstance(progress, bool) else progress
-    with shown(progress, loaded.name, "run") as step:
-        report, memory = experiment.run_in_memory(
-            loaded,
-            replicates=[replicate],
-            command_line="wsnsim.simulate",
-            progress=_reporting(step, (lambda now: on_time(now.time)) if on_time else None),
-        )
-    return Result(report, memory)
+    given = (lambda now: progress(now.time)) if callable(progress) else progress
+    with shown(given, loaded.name, "run", of_runs) as report:
+        made = experiment.run_in_memory(loaded, replicates=[replicate], command_line="wsnsim.simulate", progress=report)
+    return Result(*made)
 
 
 def run(  # noqa: PLR0913
@@ -124,15 +119,13 @@ def run(  # noqa: PLR0913
         replicates = run_numbers(replicates)
     target = None if out is None else result_file("out", out)
     loaded = _loaded(scenario, chosen, plugins)
-    on_progress = None if isinstance(progress, bool) else progress
-    with shown(progress, loaded.name, "runs") as step:
-        options: dict[str, Any] = {"command_line": "wsnsim.run", "batch": batch, "timeout": timeout}
-        options["progress"] = _reporting(step, on_progress)
+    options: dict[str, Any] = {"replicates": replicates, "command_line": "wsnsim.run", "batch": batch}
+    with shown(progress, loaded.name, "runs", of_runs) as report:
+        options |= {"timeout": timeout, "progress": report}
         if target is None:
-            return Result(*experiment.run_in_memory(loaded, replicates=replicates, **options))
+            return Result(*experiment.run_in_memory(loaded, **options))
         with sole_writer(target):
-            report = experiment.run(loaded, replicates=replicates, out=target, **options)
-        return Result(report)
+            return Result(experiment.run(loaded, out=target, **options))
 
 
 def quiet(
@@ -183,18 +176,5 @@ def quiet(
 def _loaded(scenario: Source, chosen: Sequence[Any], plugins: bool) -> Any:
     """The checked scenario of a caller."""
     demand_scenario(scenario)
-    with named_as_in_python():
+    with renamed():
         return experiment.load(scenario, chosen, plugins)
-
-
-def _reporting(
-    step: Callable[[float, float], None] | None, on_progress: Callable[[Progress], None] | None
-) -> Callable[[Progress], None] | None:
-    """What the engine calls: the caller's function, or one that moves the bar; None without either."""
-    if step is None:
-        return on_progress
-
-    def moved(now: Progress) -> None:
-        step(now.replicate + now.time / now.duration, now.replicates)
-
-    return moved

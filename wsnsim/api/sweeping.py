@@ -6,12 +6,13 @@ sentences of `wsnsim compare`, and as HTML in a notebook.
 
 from __future__ import annotations
 
+import contextlib
 import html
 import os
 import shutil
 import tempfile
 import weakref
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeAlias, Unpack, final
@@ -20,7 +21,7 @@ import pandas as pd
 
 from wsnsim.analysis import comparison
 from wsnsim.api import arguments
-from wsnsim.api.arguments import Changes, demand_sweep, demand_trackers, named_as_in_python, overrides_of, shown
+from wsnsim.api.arguments import Changes, demand_sweep, demand_trackers, of_campaign, overrides_of, renamed, shown
 from wsnsim.base.errors import RunError, UsageError, did_you_mean, shown_value
 from wsnsim.base.runs import run_count
 from wsnsim.campaign import describe_failed, prepare, run_campaign
@@ -28,8 +29,8 @@ from wsnsim.campaign.engines import CampaignOutcome, CampaignProgress
 from wsnsim.campaign.sweeping import engine_of, needs_main_guard
 from wsnsim.recording.folder import Folder
 from wsnsim.scenario import Overrides
-from wsnsim.scenario.load import Override
 from wsnsim.scenario.registry import Plugins, access
+from wsnsim.scenario.sweep import load_sweep
 
 TrackersText: TypeAlias = str | Sequence[Any] | Mapping[str, Any] | None
 """Trackers to compare: 'pf:particles=1000,ekf', a list of names, components and mappings, or a mapping by names."""
@@ -82,15 +83,15 @@ class SweepResult:
     Args:
         out: folder of the campaign.
         outcome: what this session ran, what failed and what is missing.
-        temporary: a folder that is removed with the result.
+        temporary: whether the parent of the folder is removed with the result.
     """
 
-    def __init__(self, out: Path, outcome: CampaignOutcome, temporary: Path | None = None) -> None:
+    def __init__(self, out: Path, outcome: CampaignOutcome, temporary: bool = False) -> None:
         self.out = out
         self.outcome = outcome
         self._temporary = temporary
-        if temporary is not None:
-            weakref.finalize(self, _remove, temporary, os.getpid())
+        if temporary:
+            weakref.finalize(self, _remove, out.parent, os.getpid())
 
     @property
     def complete(self) -> bool:
@@ -160,6 +161,7 @@ def _remove(folder: Path, process: int) -> None:
 
 SHOWN: Final = 3
 """Failed runs that a message names."""
+TRACKER_KEYS: Final = ("tracker", "tracker.kind")
 
 
 def sweep(  # noqa: PLR0913
@@ -194,8 +196,7 @@ def sweep(  # noqa: PLR0913
             ["tracker.particles=100,400"]. Values may be components.
         out: folder of the campaign, which makes it resumable; None: a temporary one, which goes with the result.
         replicates: Monte Carlo runs per point, if not those of the sweep or scenario.
-        trackers: trackers to run at every point: "pf:particles=1000,ekf", a list of names, components and mappings, or
-            such a mapping by the names that tables show.
+        trackers: trackers to run at every point: a list, a mapping by names in tables, or "pf:particles=1000,ekf".
         seed: the seed, if not that of the scenario.
         overrides: values to change at every point, {"duration": "10 s"} or ["duration=10 s"].
         keep: tables to record beside `runs` and `tracks`.
@@ -214,58 +215,42 @@ def sweep(  # noqa: PLR0913
         UsageError: there is no such argument or table, the campaign cannot be started, or a script calls the function
             without a main guard. Runs that fail later are part of the result.
     """
-    options: dict[str, Any] = {"replicates": replicates, "workers": workers, "scheduler": scheduler, "batch": batch}
-    options |= {"vary": vary, "trackers": trackers, "accept_code_change": accept_code_change}
-    return _swept(source, out, overrides_of("sweep", changes, overrides, seed, keep), progress, options)
+    chosen = overrides_of("sweep", changes, overrides, seed, keep)
+    _check_arguments(source, vary, out, trackers, replicates, scheduler is None and workers != 0)
+    with shown(progress, "sweep", "runs", of_campaign) as report, renamed(), _folder_of(out) as place:
+        plan = load_sweep(source, vary, chosen, trackers, replicates=replicates)
+        by = [key for key in TRACKER_KEYS if trackers and key in plan.keys]
+        folder = prepare(plan, place, by=by, command_line="wsnsim.sweep", accept_code_change=accept_code_change)
+        engine = engine_of(folder.path, workers, scheduler)
+        outcome = run_campaign(folder, engine, on_progress=report, batch=batch, access=access(Plugins.ANY))
+    return SweepResult(place, outcome, out is None)
 
 
-def _swept(
-    source: Any,
-    out: str | Path | None,
-    chosen: tuple[Override, ...],
-    progress: bool | Callable[[CampaignProgress], None] | None,
-    options: Mapping[str, Any],
-) -> SweepResult:
-    """Run a sweep whose arguments have been read. `options`: what the campaign takes as it is."""
-    demand_sweep(source, options.get("vary", ()), out)
-    demand_trackers(options["trackers"])
-    if options["replicates"] is not None:
-        run_count(options["replicates"])
-    temporary = Path(tempfile.mkdtemp(prefix="wsnsim-")) if out is None else None
-    folder = temporary / "sweep" if temporary else Path(str(out))
-    on_progress = None if isinstance(progress, bool) else progress
-    try:
-        with shown(progress, "sweep", "runs") as step, named_as_in_python():
-            report = on_progress if step is None else lambda now: step(now.done, now.total)
-            outcome = _run(source, folder, chosen, report, options)
-    except BaseException:
-        if temporary is not None:
-            shutil.rmtree(temporary, ignore_errors=True)
-        raise
-    return SweepResult(folder, outcome, temporary)
-
-
-def _run(
-    source: Any,
-    out: Path,
-    chosen: tuple[Override, ...],
-    progress: Callable[[CampaignProgress], None] | None,
-    options: Mapping[str, Any],
-) -> CampaignOutcome:
-    from wsnsim.scenario.sweep import load_sweep
-
-    workers, scheduler, trackers = options["workers"], options.get("scheduler"), options["trackers"]
-    if scheduler is None and workers != 0 and needs_main_guard():
+def _check_arguments(source: Any, vary: Any, out: Any, trackers: Any, replicates: Any, spawns: bool) -> None:
+    """Raise UsageError if an argument is of a wrong type, or workers that import the script would call `sweep`."""
+    demand_sweep(source, vary, out)
+    demand_trackers(trackers)
+    if replicates is not None:
+        run_count(replicates)
+    if spawns and needs_main_guard():
         raise UsageError(
             'a script must call wsnsim.sweep under if __name__ == "__main__": workers import the script; workers=0'
             " makes the runs without workers"
         )
-    plan = load_sweep(source, options.get("vary", ()), chosen, trackers, replicates=options["replicates"])
-    by = [key for key in ("tracker", "tracker.kind") if trackers and key in plan.keys]
-    accepted = options.get("accept_code_change", False)
-    folder = prepare(plan, out, by=by, command_line="wsnsim.sweep", accept_code_change=accepted)
-    allowed, engine = access(Plugins.ANY), engine_of(folder.path, workers, scheduler)
-    return run_campaign(folder, engine, on_progress=progress, batch=options.get("batch", True), access=allowed)
+
+
+@contextlib.contextmanager
+def _folder_of(out: str | Path | None) -> Iterator[Path]:
+    """The folder of a campaign; without `out`, a temporary one, which stays unless there is an error."""
+    if out is not None:
+        yield Path(out)
+        return
+    temporary = Path(tempfile.mkdtemp(prefix="wsnsim-"))
+    try:
+        yield temporary / "sweep"
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
 
 
 def compare(  # noqa: PLR0913
@@ -318,22 +303,29 @@ def compare(  # noqa: PLR0913
         if changes or replicates is not None or overrides or seed is not None or out is not None:
             raise UsageError("compare() runs a scenario only with trackers, such as trackers=['ekf', 'pf']")
         folder = source.out if isinstance(source, SweepResult) else source
-        folder = folder if isinstance(folder, Folder) else _campaign(folder)
-        return shown_comparison(comparison.compare(folder, metric, by, baseline))
-    workers = 0 if workers is None and needs_main_guard() else workers
-    chosen = overrides_of("compare", changes, overrides, seed, ())
+        return shown_comparison(comparison.compare(_campaign(folder), metric, by, baseline))
+    overrides_of("compare", changes, (), None, ())  # which names this function in what it raises
     arguments.demand_several(trackers)
-    found = _swept(source, out, chosen, progress, {"replicates": replicates, "trackers": trackers, "workers": workers})
-    if not found.complete:
-        reasons = describe_failed(found.failed, Folder(found.out).manifest()) or [
-            found.outcome.stopped or "runs are missing"
-        ]
-        raise RunError(f"the comparison is not complete: {'; '.join(reasons[:SHOWN])}")
+    found = sweep(
+        source, out=out, replicates=replicates, trackers=trackers, seed=seed, overrides=overrides, progress=progress,
+        workers=0 if workers is None and needs_main_guard() else workers, **changes,
+    )  # fmt: skip
+    _demand_complete(found)
     return shown_comparison(comparison.compare(found.out, metric, by, baseline))
 
 
-def _campaign(folder: Any) -> Path:
+def _demand_complete(found: SweepResult) -> None:
+    """Raise RunError if runs failed or are missing, with the first reasons."""
+    if not found.complete:
+        reasons = describe_failed(found.failed, Folder(found.out).manifest())
+        said = "; ".join(reasons[:SHOWN]) or found.outcome.stopped or "runs are missing"
+        raise RunError(f"the comparison is not complete: {said}")
+
+
+def _campaign(folder: Any) -> Path | Folder:
     """The folder of a campaign. Raises UsageError for what is none."""
+    if isinstance(folder, Folder):
+        return folder
     if not isinstance(folder, str | Path) or not os.path.isdir(folder):  # noqa: PTH112 - long names
         raise UsageError(
             f"compare(): {shown_value(folder)} is not the folder of a campaign; a scenario needs trackers to compare,"

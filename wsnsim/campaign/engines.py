@@ -49,7 +49,7 @@ class CampaignProgress:
 
     Attributes:
         done: replicates on disk, those of earlier sessions included.
-        failed: tasks that failed.
+        failed: replicates that failed.
         total: all replicates of the shard.
         wall: seconds since the session started.
         left: estimated seconds until the end, None while there is no estimate.
@@ -69,7 +69,7 @@ class CampaignOutcome:
     Attributes:
         done: replicates computed in this session.
         found: replicates that were on disk before.
-        failed: {task: reason}; also {point: reason} if a result file of a point cannot be read.
+        failed: {task: reason}; {point: reason} if no run of a point is possible, or a result file of it cannot be read.
         missing: {point: replicates that are not on disk}.
         stopped: why the session stopped early, '' if it tried every task.
         seconds: duration of the session (s).
@@ -313,9 +313,6 @@ def _interrupts_blocked() -> Iterator[None]:
 
     Terminals send Ctrl-C and SIGHUP, and cluster schedulers SIGTERM, to all processes at once.
     """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
     try:
         yield

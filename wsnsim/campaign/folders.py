@@ -55,7 +55,7 @@ def prepare(
     """
     folder = Folder(path)
     before = existing_manifest(folder, plan.name)
-    _check_writable(folder.path)
+    demand_writable(folder.path)
     points = tuple(PointOnDisk(point.id, point.settings, point.world, plan.replicates) for point in plan.points)
     manifest = Manifest(
         name=plan.name,
@@ -90,7 +90,7 @@ def reopen(path: str | Path, accept_code_change: bool = False) -> Folder:
     manifest = folder.manifest()
     _check_version(folder, manifest)
     if not _is_complete(folder):
-        _check_writable(folder.path)
+        demand_writable(folder.path)
     demand_same_code(folder, manifest, lambda: _is_complete(folder), accept_code_change)
     return folder
 
@@ -117,7 +117,7 @@ def collect(shards: Sequence[Folder], into: Folder, accept_code_change: bool = F
         _check_same_code(first, manifest, shard.path, accept_code_change)
     if not into.holds_campaign():
         _check_free(into)
-    _check_writable(into.path)
+    demand_writable(into.path)
     most = {point.id: max(m.point(point.id).replicates for m in [first, *manifests]) for point in first.points}
     for shard in shards:
         for point in first.points:
@@ -217,13 +217,14 @@ def _check_version(folder: Folder, manifest: Manifest) -> None:
         )
 
 
-def _check_writable(path: Path) -> None:
+def demand_writable(path: Path, option: str = "") -> None:
+    """Create a folder if there is none. Raises UsageError if that fails, or nothing can be written there."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
             pass
     except OSError as error:
-        raise UsageError(f"cannot write {path}: {reason(error)}") from None
+        raise UsageError(f"cannot write {option}{path}: {reason(error)}") from None
 
 
 def _check_same_campaign(one: Manifest, other: Manifest, path: Path) -> None:

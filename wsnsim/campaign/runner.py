@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, final
 
 from wsnsim.analysis.campaign_info import ReplicateCounts
@@ -16,7 +16,7 @@ from wsnsim.base.errors import ResultError
 from wsnsim.base.version import __version__
 from wsnsim.campaign import engines
 from wsnsim.campaign.code_changes import code_id
-from wsnsim.campaign.task import Task, TaskOutcome, cause_of_death, failure_report, is_timeout, session_name
+from wsnsim.campaign.task import Task, TaskOutcome, cause_of_death, is_timeout, session_name
 from wsnsim.recording.folder import Folder, Manifest, consecutive
 from wsnsim.scenario.registry import ACCESS_OF_FILES, PluginAccess
 
@@ -26,6 +26,8 @@ POLL: Final = 0.25
 """Seconds to wait for workers before checking for a stop and reporting progress."""
 MAX_LOSSES: Final = 20
 """A task fails that was lost with its worker this often without being the cause."""
+MAX_MARKER: Final = 8000
+"""Characters of markers that are kept in the report of a failure."""
 LOSSES_BEFORE_ISOLATION: Final = 3
 """A task that was lost this often is run alone."""
 
@@ -70,7 +72,7 @@ class _CampaignRunner:
         pending: tasks to submit.
         suspects: tasks whose worker died, to be run alone.
         running: submitted tasks by name.
-        failed: {task: reason}, or {point: reason} if a result file of the point cannot be read.
+        failed: {task: reason}, or {point: reason} if no run of it is possible, or a result file of it cannot be read.
         unfinished: number of unfinished replicates by point, those that failed included.
         given_up: the replicates that failed in this session, by point.
         losses: how often a task was lost with its worker without being the cause.
@@ -104,7 +106,7 @@ class _CampaignRunner:
         self.rule = ReplicateCounts(self.folder, self.manifest)
         self.wanted = {point.id: self.rule.first(point) for point in self.manifest.points}
         self.positions = {point.id: i for i, point in enumerate(self.manifest.points)}
-        self.failed_before = set(self.folder.failures())
+        self.failed_before = {name.rpartition(".r")[0] for name in self.folder.failures()}
         self.code = code_id(self.manifest.code)
 
     def run(self, should_stop: Callable[[], bool]) -> None:
@@ -199,7 +201,9 @@ class _CampaignRunner:
                 self.give_up(task, outcome.reason, isolate=True)
             else:
                 self.suspects.append(task)
-        elif outcome.status == "failed":
+        elif outcome.status == "impossible" and not self.folder.done(task.point):
+            self.give_up_point(task, outcome.reason)
+        elif outcome.status in ("failed", "impossible"):
             self.give_up(task, outcome.reason)
         else:
             self.worked, self.compiled = self.worked + outcome.seconds, self.compiled + outcome.compiling
@@ -208,9 +212,8 @@ class _CampaignRunner:
     def finish(self, task: Task) -> None:
         """Count a task whose file exists."""
         self.done += task.replicates
-        for single in task.singly():
-            if single.name in self.failed_before:
-                self.folder.forget_failure(single.name)
+        if task.point in self.failed_before:
+            self.folder.forget_failures(task.point, range(task.first, task.last + 1))
         self.unfinished[task.point] -= task.replicates
         self.extend_if_settled(task.point)
 
@@ -278,10 +281,26 @@ class _CampaignRunner:
             self.extend_if_settled(task.point)
             return
         self.failed[task.name] = reason
-        settings = self.manifest.point(task.point).settings
-        self.folder.write_failure(task.name, failure_report(task, settings, reason, details))
+        self.write_failure(task, reason, details)
         self.given_up[task.point].add(task.first)
         self.extend_if_settled(task.point)
+
+    def give_up_point(self, task: Task, reason: str) -> None:
+        """Write down that no run of a task's point is possible, and submit no more of them."""
+        point = task.point
+        missing = [n for n in self.folder.missing(point, self.wanted[point]) if self.is_ours(point, n)]
+        self.pending = deque(each for each in self.pending if each.point != point)
+        if point in self.failed or not missing:
+            return
+        self.given_up[point].update(missing)
+        self.failed[point] = f"{reason}; runs with other random numbers fail, too, so that the others were not tried"
+        self.write_failure(replace(task, first=missing[0], last=missing[-1]), self.failed[point])
+
+    def write_failure(self, task: Task, reason: str, details: str = "") -> None:
+        """Write the report of a failed task: the reason, where it failed, and the texts of its markers."""
+        settings = self.manifest.point(task.point).settings
+        where = ", ".join([f"replicate {task.first}", *(f"{key} = {value}" for key, value in settings.items())])
+        self.folder.write_failure(task.name, "\n".join([reason, where, details[:MAX_MARKER]]).strip() + "\n")
 
     def wind_up(self) -> None:
         """If the campaign was stopped, start nothing more, and give running tasks some seconds to finish."""
@@ -296,10 +315,11 @@ class _CampaignRunner:
     def report_progress(self) -> None:
         """Report the progress. Compilation in workers happens once and is excluded from the estimate."""
         wall, unfinished = time.monotonic() - self.started_at, self.unfinished.total()
+        failed = sum(map(len, self.given_up.values()))
         total = self.found + self.done + unfinished
         working = wall * (1.0 - self.compiled / self.worked) if self.worked else wall
-        left = working / self.done * (unfinished - len(self.failed)) if self.done else None
-        self.on_progress(engines.CampaignProgress(self.found + self.done, len(self.failed), total, wall, left))
+        left = working / self.done * (unfinished - failed) if self.done else None
+        self.on_progress(engines.CampaignProgress(self.found + self.done, failed, total, wall, left))
 
     def outcome(self) -> engines.CampaignOutcome:
         """The outcome of the session. The missing replicates are looked up on disk."""

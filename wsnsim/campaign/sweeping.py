@@ -17,6 +17,7 @@ import numpy as np
 
 import wsnsim.experiment as experiment
 import wsnsim.scenario as scenario
+from wsnsim.base.errors import RunError
 from wsnsim.base.plugin_code import NOT_PYTHON, statements
 from wsnsim.campaign import engines
 from wsnsim.campaign.code_changes import code_id, code_of_plan
@@ -161,9 +162,17 @@ def _unit_cost(plan: Plan, folder: Folder, batch: bool) -> tuple[UnitCost, str]:
     last = len(plan.points) - 1
     chosen = np.unique(np.linspace(0, last, min(MAX_TRIALS, last + 1)).astype(int)).tolist()  # evenly spread
     code = code_id(code_of_plan(plan))
-    trials = [_trial(plan.points[index], plan.block, batch, code) for index in chosen]
-    source = f"trial runs at {len(chosen)} points" if len(chosen) > 1 else "one trial run"
-    return UnitCost(*np.mean(trials, axis=0).tolist()), source
+    trials, failed = [], []
+    for point in (plan.points[index] for index in chosen):
+        try:
+            trials.append(_trial(point, plan.block, batch, code))
+        except RunError as error:
+            settings = ", ".join(f"{key} = {value}" for key, value in point.settings.items())
+            failed.append(f"{settings or point.id} failed: {error}")
+    source = f"trial runs at {len(trials)} points" if len(trials) != 1 else "one trial run"
+    if not trials:
+        raise RunError(failed[0])
+    return UnitCost(*np.mean(trials, axis=0).tolist()), "; ".join([source, *failed])
 
 
 def _trial(point: Point, block: int, batch: bool, code: str) -> UnitCost:

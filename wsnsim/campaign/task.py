@@ -21,7 +21,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal, TextIO
@@ -30,7 +30,7 @@ from wsnsim.base.errors import StorageError, UsageError, WsnsimError
 from wsnsim.base.plugin_code import plugin_fault
 from wsnsim.base.version import __version__
 from wsnsim.recording.atomic_files import cannot_write, host
-from wsnsim.recording.folder import Folder
+from wsnsim.recording.folder import MOST_NUMBERED, Folder
 from wsnsim.scenario.registry import ACCESS_OF_FILES, PluginAccess, search
 
 PR_SET_PDEATHSIG: Final = 1
@@ -66,11 +66,11 @@ def _exit_after(parent: Any) -> None:
     os._exit(1)
 
 
-TaskStatus = Literal["done", "exists", "failed", "suspect", "storage", "version", "cancelled"]
+TaskStatus = Literal["done", "exists", "failed", "impossible", "suspect", "storage", "version", "cancelled"]
+OTHER_RUNS: Final = (MOST_NUMBERED + 1, MOST_NUMBERED + 2)
+"""Numbers of runs, which no campaign has, that are begun to see whether a failure depends on random numbers."""
 MAX_MESSAGE: Final = 600
 """Characters of an error message that are kept."""
-MAX_MARKER: Final = 8000
-"""Characters of markers that are kept in the report of a failure."""
 COMMAND_LINE: Final = "a campaign's worker"
 """The command that the provenance of a task's file names."""
 TIMEOUT_MARK: Final = "Timeout ("
@@ -132,6 +132,7 @@ class TaskOutcome:
         done: the file was written.
         exists: the file was there before.
         failed: the simulation failed.
+        impossible: it failed, and so do runs with other random numbers, in their first step.
         suspect: workers died while they ran this task.
         storage: the file cannot be written, and no other file could be.
         version: the worker's version of wsnsim, or its code, differs.
@@ -172,7 +173,8 @@ def perform(task: Task) -> TaskOutcome:
     except OtherCodeError as error:
         return TaskOutcome("version", describe_error(error))
     except BaseException as error:
-        return TaskOutcome("failed", describe_error(error), time.monotonic() - began)
+        status: TaskStatus = "impossible" if _is_impossible(folder, task) else "failed"
+        return TaskOutcome(status, describe_error(error), time.monotonic() - began)
 
 
 def describe_error(error: BaseException) -> str:
@@ -200,12 +202,6 @@ def cause_of_death(marker: str) -> str:
     """Why a worker died: the first line of its marker, or what an empty marker means."""
     lines = [line for line in marker.splitlines() if line.strip()]
     return lines[0].removeprefix("Fatal Python error: ") if lines else "killed from outside, perhaps out of memory"
-
-
-def failure_report(task: Task, settings: Mapping[str, Any], reason: str, details: str) -> str:
-    """The text on a failed task of one replicate: the reason, where it failed, and the text of its marker."""
-    where = ", ".join([f"replicate {task.first}", *(f"{key} = {value}" for key, value in settings.items())])
-    return "\n".join([reason, where, details[:MAX_MARKER]]).strip() + "\n"
 
 
 def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> float:
@@ -242,6 +238,30 @@ def _run(folder: Folder, task: Task, path: Path, marker: TextIO) -> float:
         code=task.code,
     )
     return compilation_wall() - before
+
+
+class _FirstStepEnded(BaseException):  # an Exception would be reported as a failed run
+    """Ends a run whose first step has ended."""
+
+
+def _is_impossible(folder: Folder, task: Task) -> bool:
+    """Whether other runs of a failed task's point fail as well, in their first step: then all are given up."""
+
+    def stop(time: float) -> None:
+        if time > 0.0:
+            raise _FirstStepEnded
+
+    with contextlib.suppress(BaseException), _marker_kept(folder, task) as marker:
+        import wsnsim.experiment as experiment
+
+        for number in OTHER_RUNS:
+            _set_timeout(task, marker, IMPORT_TIME)
+            with contextlib.suppress(Exception):
+                scenario = _scenario(folder.scenario(task.point), task.access)
+                experiment.simulate_run(scenario, number, progress=stop)
+                return False
+        return True
+    return False
 
 
 def _check_free_space(path: Path) -> None:
@@ -321,8 +341,8 @@ def start_worker(started: Any = None) -> None:
 
     Output of a plug-in goes to stderr, because stdout carries the answer of the command.
     """
-    for name in {"SIGINT", "SIGTERM", "SIGHUP"} & set(dir(signal)):
-        signal.signal(getattr(signal, name), signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     with contextlib.suppress(OSError):
         os.dup2(2, 1)
     if started is not None:

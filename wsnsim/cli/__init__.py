@@ -33,6 +33,7 @@ from wsnsim.cli.shared import echo, group
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 CAMPAIGNS: Final = ("lifetime", "sweep", "compare", "reproduce")
 """Commands whose runs, in other processes, import plug-ins again and again."""
+NUMBERS: Final = {"a valid integer range": "a whole number", "a valid float range": "a number", "valid float": "number"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -58,20 +59,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 @contextlib.contextmanager
 def _notes_on_caches() -> Iterator[None]:
     """Print where kernels are kept as a note, if it is not the usual place and notes are wanted."""
-    before = warnings.showwarning
 
     def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
         if not issubclass(category, CacheWarning):
             before(message, category, *where, **more)
-            return
-        if not _is_quiet():
+        elif not _is_quiet():
             echo(f"wsnsim: {message}", err=True)
 
-    warnings.showwarning = show
-    try:
+    with warnings.catch_warnings():
+        before, warnings.showwarning = warnings.showwarning, show
         yield
-    finally:
-        warnings.showwarning = before
 
 
 @contextlib.contextmanager
@@ -100,6 +97,8 @@ def _is_quiet(quiet: Sequence[str] = ()) -> bool:
 
 def _perform(arguments: list[str], interrupts: Interrupts) -> int:
     """Run the command. After a signal every error is reported as the signal: compiled code may raise another one."""
+    if arguments[:1] == ["help"]:
+        arguments = [*arguments[1:], "--help"]
     try:
         shown = group.make_context("wsnsim", arguments or ["--help"], obj=interrupts)
         with shown as context, contextlib.closing(WorkBar()) as bar, watching(bar.step), _plugins_announced():
@@ -121,7 +120,7 @@ def _report(raised: BaseException) -> int:
     except click.ClickException as error:
         context = error.ctx if isinstance(error, click.UsageError) else None
         hint = f" (see '{context.command_path} --help')" if context else ""
-        return _print_error(f"{error.format_message()}{hint}", 2)
+        return _print_error(f"{_said_by_click(error)}{hint}", 2)
     except ScenarioError as error:
         return _print_error(str(error), error.exit_code, prefix="")
     except WsnsimError as error:
@@ -139,6 +138,18 @@ def _report(raised: BaseException) -> int:
         return _print_error(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}", 1)
     except (Exception, SystemExit) as error:
         return _report_unexpected(error)
+
+
+def _said_by_click(error: click.ClickException) -> str:
+    """The message of a wrong option or argument, in plain words."""
+    said = error.format_message()
+    if isinstance(error, click.NoSuchOption) and error.ctx and not error.possibilities:
+        options = [name for each in error.ctx.command.params for name in each.opts]
+        near = [name for name in options if name.startswith(f"-{error.option_name}")]
+        said += f" Long options have two dashes: {', '.join(near)}." if near else ""
+    for theirs, ours in NUMBERS.items():
+        said = said.replace(theirs, ours)
+    return said
 
 
 def _report_unexpected(error: BaseException) -> int:

@@ -16,15 +16,15 @@ from typing import Any, Final
 
 import wsnsim.campaign as campaign
 from wsnsim.analysis import campaign_info  # not comparison: pandas may start a thread, and workers would be spawned
-from wsnsim.base.errors import ResultError, UsageError, did_you_mean, printable
-from wsnsim.base.files import why_not_regular
+from wsnsim.base.errors import ResultError, UsageError, counted, did_you_mean, printable
 from wsnsim.base.tables import METRICS
 from wsnsim.campaign import WHOLE, CampaignOutcome, Shard, engines, needs_permission
 from wsnsim.campaign.sweeping import CostEstimate, engine_of, estimate_cost
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import CAMPAIGN, display, duration
 from wsnsim.cli.running import LiveOptions, linger, shown_live
-from wsnsim.cli.shared import INCOMPLETE, METRIC, command_line, echo, echo_json, echo_lines
+from wsnsim.cli.shared import INCOMPLETE, METRIC, command_line, echo, echo_json, echo_lines, seconds_of, writable
+from wsnsim.recording.atomic_files import write_text_atomically
 from wsnsim.recording.folder import Folder, Manifest
 from wsnsim.scenario.registry import PluginAccess, Plugins, access
 from wsnsim.scenario.sweep_schema import Plan
@@ -56,12 +56,10 @@ def check_comparison(options: Options, plan: Plan | Manifest, by: Sequence[str])
             raise UsageError(f"--by: the campaign does not vary '{key}' ({did_you_mean(key, plan.keys)})")
     campaign_info.baseline_point(plan, tuple(by) or campaign_info.keys_by_default(plan.keys), options.baseline)
     for name, path, suffix in (("--csv", options.csv, ".csv"), ("--latex", options.latex, ".tex")):
-        if path and path.is_dir():
-            raise UsageError(f"{name} {path} is a folder, not a file")
-        if path and (reason := why_not_regular(path) or f"must end in {suffix}" * (path.suffix != suffix)):
-            raise UsageError(f"{name} {path} {reason}")
-        if path and not path.parent.is_dir():
-            raise UsageError(f"{name} {path}: folder does not exist: {path.parent}")
+        if path and path.suffix != suffix and not path.is_dir():
+            raise UsageError(f"{name} {path} must end in {suffix}")
+        if path:
+            writable(path, Path(f"comparison{suffix}"), name)
 
 
 def print_comparison(folder: Folder, options: Options, plugins: Plugins | None = None) -> int:
@@ -75,7 +73,7 @@ def print_comparison(folder: Folder, options: Options, plugins: Plugins | None =
     try:
         found = comparison.compare(folder, options.metric, options.by or None, options.baseline)
     except ResultError as error:
-        damaged = [path for point in folder.manifest().points for path in folder.set_aside(point.id)]
+        damaged = folder.all_set_aside()
         if not damaged:
             echo_lines([f"wsnsim: error: {error}"])
             return error.exit_code
@@ -88,9 +86,10 @@ def print_comparison(folder: Folder, options: Options, plugins: Plugins | None =
 
         found = error_bounds.with_bounds(found, folder, plugins)
     if options.csv:
-        _write(options.csv, found.table.map(lambda v: printable(v) if isinstance(v, str) else v).to_csv(index=False))
+        shown = found.table.map(lambda value: printable(value) if isinstance(value, str) else value)
+        write_text_atomically(options.csv, shown.to_csv(index=False))
     if options.latex:
-        _write(options.latex, comparison_text.latex(found))
+        write_text_atomically(options.latex, comparison_text.latex(found))
     if options.as_json:
         answer = {"answer": comparison_text.answer(found), "folder": str(folder.path)}
         echo_json({**comparison.as_json(found), **answer, **campaign_info.code_json(folder)})
@@ -98,13 +97,6 @@ def print_comparison(folder: Folder, options: Options, plugins: Plugins | None =
         more = [] if options.explain else ["  what the columns mean: --explain"]
         echo("\n".join([comparison_text.text(found, options.explain), *more, *campaign_info.code_lines(folder)]))
     return 0
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
 
 
 MAX_FAILURES: Final = 5
@@ -116,6 +108,8 @@ def options_of(given: dict[str, Any]) -> tuple[Options, tuple[str, ...], dict[st
     overrides, seed = given.pop("overrides"), given.pop("seed")
     seeded = overrides if seed is None else (*overrides, f"seed={seed}")
     changes = {name: given.pop(name) for name in ("replicates", "timeout")}
+    if changes["timeout"] is not None:
+        changes["timeout"] = seconds_of("--timeout", changes["timeout"])
     return Options(**given), seeded, changes
 
 
@@ -137,8 +131,10 @@ def run_plan(plan: Plan, options: Options, interrupts: Interrupts, by: tuple[str
     return _run(folder, shard, options, interrupts, access(Plugins.ANY))
 
 
-def resume(source: str, options: Options, interrupts: Interrupts) -> int:
-    """Resume the campaign in a folder and return the exit code."""
+def resume(source: str, options: Options, interrupts: Interrupts, changes: Sequence[Any]) -> int:
+    """Resume the campaign in a folder and return the exit code. `changes`: what was given that would change it."""
+    if any(changes) or options.out:
+        raise UsageError(f"{source} is a campaign, whose sweep is fixed; to change it, give the sweep file instead")
     if options.dry_run:
         raise UsageError("--dry-run needs a sweep; `wsnsim info DIR` shows the progress of a campaign")
     shard, allowed = _shard(options.shard), access(Plugins.ANY if options.plugins else Plugins.INSTALLED)
@@ -197,9 +193,9 @@ def _report_outcome(
 ) -> int:
     """Print what failed, what is missing and how to resume; return the exit code."""
     manifest = folder.manifest()
-    points, runs = (0, 0) if options.quiet else folder.outside_manifest(manifest)
-    beside = f"{folder.path} also holds {points} points and {runs} runs outside this campaign; they are kept"
-    lines = [f"wsnsim: {beside}"] if points or runs else []
+    others = 0 if options.quiet else folder.outside_manifest(manifest)
+    beside = f"{folder.path} also holds {counted(others, 'run')} outside this campaign; they are kept, and not shown"
+    lines = [f"wsnsim: {beside}"] if others else []
     lines += [f"wsnsim: worker {worker} was left out: it {why}" for worker, why in outcome.left_out.items()]
     failures = campaign.describe_failed(outcome.failed, manifest)
     lines += [f"wsnsim: {said}" for said in failures[:MAX_FAILURES]]
@@ -210,8 +206,9 @@ def _report_outcome(
     if outcome.missing:
         count = sum(map(len, outcome.missing.values()))
         lines += [f"wsnsim: {folder.path} is incomplete, runs missing: {count}"]
-        lines += campaign.describe_missing(outcome.missing, manifest)
-        lines += [f"wsnsim: resume with: {_resume_command(folder, shard, options)}"]
+        possible = {point: runs for point, runs in outcome.missing.items() if point not in outcome.failed}
+        lines += campaign.describe_missing(possible, manifest)
+        lines += [f"wsnsim: resume with: {_resume_command(folder, shard, options)}"] if possible else []
     elif shard != WHOLE and not options.quiet:
         counts = f"{outcome.done} runs done, {outcome.found} existed before"
         lines.append(f"wsnsim: shard {shard.number} of {shard.total} is complete: {counts}")

@@ -10,12 +10,10 @@ import click
 from wsnsim.base.errors import UsageError, did_you_mean
 from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
-from wsnsim.cli.shared import INCOMPLETE, METRIC, PATH, echo_lines, group, is_campaign
+from wsnsim.cli.shared import INCOMPLETE, METRIC, PATH, echo_lines, file_name, group, is_campaign
 
 MAX_NAMED_SCENARIOS: Final = 5
 """Number of scenarios that the default name of a comparison contains."""
-MAX_NAME_LENGTH: Final = 100
-"""Number of characters of a default name, which is also that of a folder."""
 
 
 _session_options = shared.with_options(
@@ -70,22 +68,19 @@ def sweep(interrupts: Interrupts, /, source: str, vary: tuple[str, ...], **given
 
     options, overrides, changes = session.options_of(given)
     if is_campaign(source):
-        if vary or overrides or any(changes.values()) or options.out:
-            raise UsageError(f"{source} is a campaign, whose sweep is fixed; to change it, give the sweep file instead")
-        return session.resume(source, options, interrupts)
+        return session.resume(source, options, interrupts, (*vary, *overrides, *changes.values()))
     from wsnsim.scenario.sweep import is_sweep, load_sweep
     from wsnsim.scenario.texts import find_or_none, shipped_sweeps
 
     if not is_sweep(source):
         if not vary:
-            if Path(source).is_dir():
-                raise UsageError(f"folder holds no campaign: {source}")
             if find_or_none(source) is not None:
+                shared.loaded(source, overrides, options.plugins)
                 raise UsageError(f"{source} is a scenario: give the axes to vary with --vary KEY=VALUES")
             nearest = did_you_mean(source, shipped_sweeps())
             raise UsageError(f"unknown sweep, scenario or campaign '{source}' ({nearest})")
         keys = "_".join(axis.partition("=")[0].strip().rpartition(".")[2] for axis in vary)
-        changes["name"] = _file_name(f"{Path(source).stem}_by_{keys}")
+        changes["name"] = file_name(f"{Path(source).stem}_by_{keys}")
     return session.run_plan(load_sweep(source, vary, overrides, **changes), options, interrupts, options.by)
 
 
@@ -112,20 +107,19 @@ def compare(
     # without --no-bound, a comparison shows the bounds
     options, overrides, changes = session.options_of({**given, "bound": given["bound"] is not False})
     if len(sources) == 1 and is_campaign(sources[0]):
-        if trackers or vary or overrides or any(changes.values()):
-            raise UsageError(f"{sources[0]} is a campaign, whose comparison is fixed")
-        return session.resume(sources[0], options, interrupts)
+        return session.resume(sources[0], options, interrupts, (trackers, *vary, *overrides, *changes.values()))
     from wsnsim.scenario.sweep import load_sweep
     from wsnsim.scenario.texts import find_or_none
 
+    shared.demand_no_trackers("compare", sources, trackers)
     if len(sources) == 1 and not trackers and find_or_none(sources[0]):
+        shared.loaded(sources[0], overrides, options.plugins)
         raise UsageError("give --trackers pso_mhpf,ipf,ppf, several scenarios, or a folder that holds a campaign")
-    name = _file_name("_".join(["compare", *(Path(source).stem for source in sources[:MAX_NAMED_SCENARIOS])]))
+    name = file_name("_".join(["compare", *(Path(source).stem for source in sources[:MAX_NAMED_SCENARIOS])]))
     plan = load_sweep(list(sources), vary, overrides, trackers, **changes, name=name)
     # trackers with parameters are swept as whole blocks, those without by their kind
-    tracker_key = ("tracker" if "tracker" in plan.keys else "tracker.kind",) if trackers else ()
-    by = [*(["scenario"] if len(sources) > 1 else []), *tracker_key]
-    return session.run_plan(plan, options, interrupts, options.by or tuple(by))
+    chosen = ("scenario", *(("tracker", "tracker.kind") if trackers else ()))
+    return session.run_plan(plan, options, interrupts, options.by or tuple(key for key in chosen if key in plan.keys))
 
 
 @group.command()
@@ -150,8 +144,3 @@ def collect(shards: tuple[Path, ...], out: Path | None, metric: str, accept_code
     if missing:
         echo_lines([f"wsnsim: {into.path} is incomplete:", *campaign.describe_missing(missing, manifest)])
     return INCOMPLETE if missing else code
-
-
-def _file_name(text: str) -> str:
-    """The text with every unsafe character replaced by '_'."""
-    return "".join(c if c.isalnum() or c in "_-." else "_" for c in text)[:MAX_NAME_LENGTH]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import json
 import keyword
@@ -193,7 +194,7 @@ def new(name: str, bench: bool, like: str | None, role: str | None) -> None:
 
     stem = name.removesuffix(".yaml").removesuffix(".py" if role else ".yaml")
     if reason := unsafe_name(stem, "a file"):
-        raise UsageError(f"'{name}' {reason}")
+        raise UsageError(f"'{name}' {reason}, such as {shared.file_name(stem) or 'mine'}")
     if role is None:
         if bench and like is not None:
             raise UsageError("--bench cannot be combined with --like")
@@ -221,17 +222,8 @@ def _write_study(name: str) -> None:
     folder = Path(name)
     if name in shipped_studies():
         raise UsageError(f"'{name}' is the name of a study that comes with wsnsim: choose another name")
-    if folder.exists() or folder.is_symlink():
-        raise UsageError(f"file exists: {folder}")
-    try:
-        folder.mkdir()
-    except OSError as error:
-        raise UsageError(f"cannot write {folder}: {error.strerror}") from None
-    try:
-        _write({folder / f"{STUDY}.{suffix}": _starter(STUDY, suffix, name) for suffix in ("yaml", "py")})
-    except UsageError:
-        folder.rmdir()
-        raise
+    _demand_new(folder)
+    _write({folder / f"{STUDY}.{suffix}": _starter(STUDY, suffix, name) for suffix in ("yaml", "py")})
     echo(f"{name}/{STUDY}.yaml and {name}/{STUDY}.py: written")
     echo(f"run it: wsnsim reproduce {name}")
 
@@ -259,21 +251,24 @@ def class_name(name: str) -> str:
     return found if found.isidentifier() else f"Plugin{found}"
 
 
+def _demand_new(path: Path) -> None:
+    if path.exists() or path.is_symlink():
+        raise UsageError(f"{path} exists already: choose another name, or remove it")
+
+
 def _write(texts: dict[Path, str]) -> None:
-    """Write files that do not exist; none of them if one cannot be written."""
+    """Write files that do not exist, in a folder that may be new; none of them if one cannot be written."""
     for path in texts:
-        if path.exists() or path.is_symlink():
-            raise UsageError(f"file exists: {path}")
-    written: list[Path] = []
+        _demand_new(path)
+    undo = contextlib.ExitStack()
     try:
         for path, text in texts.items():
+            if not path.parent.exists():
+                path.parent.mkdir()
+                undo.callback(path.parent.rmdir)
             with path.open("x", encoding="utf-8") as file:
-                written.append(path)
+                undo.callback(path.unlink, missing_ok=True)
                 file.write(text)
     except OSError as error:
-        for path in written:
-            path.unlink(missing_ok=True)
-        what = (
-            f"file exists: {path}" if isinstance(error, FileExistsError) else f"cannot write {path}: {error.strerror}"
-        )
-        raise UsageError(what) from None
+        undo.close()
+        raise UsageError(f"cannot write {path}: {error.strerror}") from None

@@ -9,7 +9,7 @@ import click
 
 from wsnsim.base.errors import UsageError
 from wsnsim.cli import shared
-from wsnsim.cli.shared import PATH, echo, group, not_the_result, reading, writable
+from wsnsim.cli.shared import PATH, echo, group, not_the_result, plot_path, reading, writable
 
 if TYPE_CHECKING:
     from wsnsim.analysis.figures import WrittenFigure
@@ -80,7 +80,7 @@ def plot(
     """
     import wsnsim.recording as recording
     from wsnsim.analysis import figures
-    from wsnsim.analysis.figure_style import WIDTHS, suffix_of
+    from wsnsim.analysis.figure_style import WIDTHS
     from wsnsim.recording.folder import Folder
 
     inches = None if width is None else WIDTHS[width]
@@ -89,7 +89,7 @@ def plot(
             raise UsageError(f"{result} is a folder: a campaign takes only --column, --metric and --out")
         folder = Folder(result)
         folder.manifest()
-        path = _plot_path(out or result / "figures.png")
+        path = plot_path(out or result / "figures.png")
         _print_plotted(figures.draw_campaign(folder, path, metric or "rmse", chosen["column"], inches))
         return
     if metric is not None:
@@ -100,21 +100,13 @@ def plot(
             raise UsageError(f"--{name} cannot be combined with --what {what}; it can with {takes}")
     plot_file = out or result.with_suffix(".png")
     animated = what == "step" and chosen["step"] is None
-    suffix_of(plot_file, animated)
+    path = plot_path(plot_file, animated)
     recording.attributes(result)
-    path = not_the_result(_plot_path(plot_file, animated), result, "plot")
+    not_the_result(path, result, "plot")
     given = {name: value for name, value in chosen.items() if value is not None}
     with reading(result):
         drawn = figures.draw(result, path, what, figures.PlotSelection(**given, plugins=plugins, width=inches))
     _print_plotted(drawn)
-
-
-def _plot_path(path: Path, animated: bool = False) -> Path:
-    """The path, checked for its suffix and for being writable."""
-    from wsnsim.analysis.figure_style import suffix_of
-
-    suffix_of(path, animated)
-    return writable(path, Path(path.name))
 
 
 def _print_plotted(plotted: WrittenFigure) -> None:
@@ -151,7 +143,7 @@ def report(results: tuple[Path, ...], out: Path | None, megabytes: float, **opti
     for result in results:
         recording.attributes(result)
     page = out or (results[0].with_suffix(".html") if len(results) == 1 else Path("report.html"))
-    path = writable(page, Path(page.name))
+    path = writable(page, Path("report.html"))
     for result in results:
         not_the_result(path, result, "page")
     with reading(*results):

@@ -10,7 +10,7 @@ import click
 
 from wsnsim.base.errors import UsageError
 from wsnsim.cli import shared
-from wsnsim.cli.shared import PATH, echo, echo_json, group, writable
+from wsnsim.cli.shared import PATH, echo, echo_json, group, plot_path, writable
 
 FAMILIES: Final = ("auto", "normal", "student_t")
 LAWS: Final = ("rssi", "range", "log_normal")
@@ -87,11 +87,9 @@ def fit(
     asked = {name: value for name, value in options.items() if context.get_parameter_source(name) is not default}
     renamed = {"columns": renamed_columns(column), "node_columns": renamed_columns(node_column, "--node-column")}
     asked |= {name: given for name, given in {"tracks": track, **renamed}.items() if given}
-    out, figure = target(out, "law.yaml", read), target(figure, "residuals.png", read)
+    out, figure = target(out, "law.yaml", read), target(figure, getattr(figure, "name", ""), read)
     if figure is not None:
-        from wsnsim.analysis.figure_style import suffix_of
-
-        suffix_of(figure)
+        plot_path(figure)
     found = fitting.fit(data, nodes, law, test, **asked)
     recorded = None
     if isinstance(found, fitting.Fit) and readings is not None and out is not None:
@@ -115,11 +113,10 @@ def target(path: Path | None, default: str, read: Sequence[Path]) -> Path | None
     """The path of a file to be written, which must not be one that is read."""
     if path is None:
         return None
-    writable(path, Path(default))
     for other in read:
         if path.exists() and other.exists() and path.samefile(other):
             raise UsageError(f"{path} is one of the files that are read; write to another one")
-    return path
+    return writable(path, Path(default))
 
 
 def renamed_columns(texts: Sequence[str], option: str = "--column") -> dict[str, str]:

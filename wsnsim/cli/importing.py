@@ -16,7 +16,7 @@ import click
 from wsnsim.base.errors import RunError, ScenarioError, UsageError, counted
 from wsnsim.cli import shared
 from wsnsim.cli.fitting import renamed_columns, target
-from wsnsim.cli.shared import PATH, echo, echo_json, group, not_the_result, writable
+from wsnsim.cli.shared import PATH, echo, echo_json, group, not_the_result, seconds_of, writable
 
 if TYPE_CHECKING:
     from wsnsim.interop.conventions import Conventions
@@ -54,17 +54,6 @@ MEANT_FOR: Final = {
     "rate": ("readings", "track"), "crs": ("nodes", "track", "sumo"), "origin": ("nodes", *TRACES),
 }  # fmt: skip
 """{option: kinds for which it has a meaning}; others have one for all."""
-
-
-def _finite(option: str, text: str | None) -> float | None:
-    """The number that the text of an option gives; refuses texts that are no finite number."""
-    try:
-        value = None if text is None else float(text)
-    except ValueError:
-        value = math.nan
-    if value is None or math.isfinite(value):
-        return value
-    raise UsageError(f"{option} {text}: give a finite number of seconds, such as 12.5")
 
 
 def _listed(_: click.Context, option: click.Parameter, value: str | None) -> tuple[str, ...]:
@@ -122,7 +111,9 @@ def import_(kind: str, files: tuple[Path, ...], as_json: bool, **options: Any) -
     (MobilityHelper::EnableAscii). `sumo` reads floating car data (--fcd-output), XML or CSV. Texts may be compressed
     with gzip.
     """
-    _demand_meaning(kind, files)
+    if kind in ("ns3", "sumo") and len(files) > 1:
+        raise UsageError(f"{kind} reads one file, {len(files)} are given")
+    shared.demand_meaning(lambda name: kind in MEANT_FOR.get(name, (*TABLES, *TRACES)), kind)
     if kind in TABLES:
         _echo_written(_table(kind, files, options), as_json)
     elif not options["listed"]:
@@ -136,17 +127,6 @@ def import_(kind: str, files: tuple[Path, ...], as_json: bool, **options: Any) -
             _echo_nodes(_tracks(files, options, None)[0].nodes, as_json)
         else:
             _echo_nodes(summarised(str(files[0]), _format(kind, options, [])), as_json)
-
-
-def _demand_meaning(kind: str, files: Sequence[Path]) -> None:
-    """Raise UsageError for several traces, and for an option that has no meaning for a kind."""
-    if kind in ("ns3", "sumo") and len(files) > 1:
-        raise UsageError(f"{kind} reads one file, {len(files)} are given")
-    context = click.get_current_context()
-    for option in context.command.params:
-        given = context.get_parameter_source(str(option.name)) is not click.core.ParameterSource.DEFAULT
-        if given and kind not in MEANT_FOR.get(str(option.name), (*TABLES, *TRACES)):
-            raise UsageError(f"{option.opts[0]} has no meaning for {kind}")
 
 
 def _conventions(options: dict[str, Any]) -> Conventions:
@@ -173,7 +153,7 @@ def _table(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict[st
         raise UsageError(f"{data} exists: --out FILE{data.suffix} names another file, --out {data} replaces it")
     if options["origin"] and not options["crs"]:
         raise UsageError("--origin goes with --crs wgs84: longitude and latitude that become (0, 0)")
-    target(writable(data, data), data.name, files)
+    target(data, data.name, files)
     from wsnsim.interop import field_data
     from wsnsim.recording.atomic_files import write_text_atomically
 
@@ -327,7 +307,7 @@ def _placement(kind: str, options: dict[str, Any], as_scenario: bool) -> Placeme
         return Placement(origin=origin, sampled=True)
     units = (options["unit"] or "m", "m", "--unit"), (options["time_unit"], "s", "--time-unit")
     metres, seconds = (float(converted(np.ones(1), unit, (base,), option)[0][0]) for unit, base, option in units)
-    start, end, zero = (_finite(f"--{name}", options[key])
+    start, end, zero = (None if options[key] is None else seconds_of(f"--{name}", options[key])
              for name, key in (("from", "start"), ("until", "end"), ("time-origin", "time_origin")))  # fmt: skip
     return Placement(metres, seconds, start, end, zero, origin, bool(options["crs"]), sampled=kind != "ns3")
 

@@ -52,14 +52,12 @@ class Interrupts:
             yield
             return
         handlers: dict[int, Handler] = dict.fromkeys(_signals(), self._raise)
-        if hasattr(signal, "setitimer"):
-            handlers[signal.SIGALRM] = self._raise_again
+        handlers[signal.SIGALRM] = self._raise_again
         with _handled(handlers), _swallowed_interrupts_unreported():
             try:
                 yield
             finally:
-                if hasattr(signal, "setitimer"):
-                    signal.setitimer(signal.ITIMER_REAL, 0.0)
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     @contextlib.contextmanager
     def noted(self) -> Iterator[Callable[[], bool]]:
@@ -77,8 +75,7 @@ class Interrupts:
 
     def _raise(self, number: int, frame: FrameType | None) -> None:
         self.number = number
-        if hasattr(signal, "setitimer"):
-            signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
+        signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
         raise KeyboardInterrupt
 
     def _raise_again(self, number: int, frame: FrameType | None) -> None:
@@ -88,7 +85,7 @@ class Interrupts:
 
 def _signals() -> list[signal.Signals]:
     """The signals that end a command: SIGHUP only if the process did not ignore it when it started."""
-    hangs_up = hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
+    hangs_up = signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN
     return [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hangs_up else [])]
 
 

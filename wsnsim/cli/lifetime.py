@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
@@ -12,11 +11,11 @@ from typing import Any, Final
 
 import click
 
-from wsnsim.base.errors import ScenarioError, UsageError, WsnsimError, shortened
+from wsnsim.base.errors import UsageError, WsnsimError, shortened
 from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import VISITS, display
-from wsnsim.cli.shared import PATH, echo, echo_json, echo_lines, group, writable
+from wsnsim.cli.shared import PATH, echo, echo_json, echo_lines, group, plot_path, writable
 
 BLOCK: Final = (
     "intrusions", "profile", "horizon", "until", "error", "episodes", "paths", "tolerance", "coverage", "connected",
@@ -102,17 +101,15 @@ def _print(points: Sequence[Mapping[str, Any]], labels: Sequence[str], as_json: 
 def _check_figures(figure: Path | None, page: Path | None) -> None:
     """Raise UsageError, before anything is simulated, if a file cannot be written."""
     if figure is not None:
-        from wsnsim.analysis.figure_style import suffix_of
-
-        suffix_of(figure)
-        writable(figure, Path(figure.name))
+        plot_path(figure, option="--plot")
     if page is not None:
-        writable(page, Path(page.name))
+        writable(page, Path("page.html"), "--page")
 
 
 def _estimated(sources: Sequence[str], interrupts: Interrupts, given: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The outcomes of all scenarios with their labels, which are written to the result."""
     from wsnsim.analysis import lifetime_result
+    from wsnsim.api.arguments import renamed
     from wsnsim.campaign.sweeping import engine_of
     from wsnsim.campaign.visits import estimate_lifetime
     from wsnsim.lifetimes.planning import lifetime_plan
@@ -120,7 +117,7 @@ def _estimated(sources: Sequence[str], interrupts: Interrupts, given: Mapping[st
 
     if given["jobs"] and given["scheduler"]:
         raise UsageError("--jobs cannot be combined with --scheduler: the scheduler sets the number of workers")
-    with _named_as_options(given):
+    with renamed(_options(given)):
         scenarios = _scenarios(sources, given)
         for scenario in scenarios.values():
             lifetime_plan(scenario)  # all are checked before one is simulated
@@ -146,6 +143,7 @@ def _scenarios(sources: Sequence[str], given: Mapping[str, Any]) -> dict[str, An
     """The scenarios by their labels."""
     seed = () if given["seed"] is None else (f"seed={given['seed']}",)
     overrides = (*given["overrides"], *_of_block(given), *seed)
+    shared.demand_no_trackers("lifetime", sources, given["trackers"])
     if len(sources) == 1 and not given["vary"] and not given["trackers"]:
         scenario = shared.loaded(sources[0], overrides, given["plugins"])
         return {scenario.name: scenario}
@@ -190,24 +188,10 @@ def _times(file: str) -> list[float]:
         raise UsageError(f"--intrusions: {error}") from None
 
 
-@contextlib.contextmanager
-def _named_as_options(given: Mapping[str, Any]) -> Iterator[None]:
-    """Name the options of this command where an issue names the key that they stand for."""
-    try:
-        yield
-    except ScenarioError as error:
-        old = tuple(f"--set lifetime.{name}" for name in BLOCK)
-        issues = [
-            dataclasses.replace(issue, place=issue.place.replace("--set lifetime.", "--"))
-            if issue.place.startswith(old) else issue
-            for issue in error.issues
-        ]  # fmt: skip
-        raise ScenarioError(issues) from error.__cause__
-    except UsageError as error:
-        keys = {f"lifetime.{name}": f"--{name}" for name in BLOCK if given[name] is not None}
-        if str(given["intrusions"]).endswith(TABLES):
-            keys["lifetime.times"] = f"--intrusions {given['intrusions']}"
-        words = str(error)
-        for key, option in keys.items():
-            words = words.replace(key, option)
-        raise UsageError(words) from error
+def _options(given: Mapping[str, Any]) -> dict[str, str]:
+    """The options of this command by the names of what they stand for in error messages."""
+    names = {f"--set lifetime.{name}": f"--{name}" for name in BLOCK}
+    names |= {f"lifetime.{name}": f"--{name}" for name in BLOCK if given[name] is not None}
+    if str(given["intrusions"]).endswith(TABLES):
+        names["lifetime.times"] = f"--intrusions {given['intrusions']}"
+    return names

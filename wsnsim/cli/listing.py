@@ -6,22 +6,19 @@ None of the listed kinds is imported.
 from __future__ import annotations
 
 import itertools
-import shutil
-import sys
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import wsnsim.scenario
+from wsnsim.analysis.phrases import width
 from wsnsim.base.files import read_sections
 from wsnsim.scenario.registry import ROLES, Role, kinds, role_named
 from wsnsim.scenario.texts import sheet_of, shipped_parts, shipped_sweeps
 
 COLUMNS: Final = ("kind", "idea", "paper")
 SCENARIOS: Final = Path(wsnsim.scenario.__file__).with_name("scenarios.table")
-WIDEST: Final = 100
-"""Columns of the widest table: what a terminal shows."""
 NARROWEST: Final = 12
 """Characters below which no column is wrapped."""
 
@@ -86,11 +83,6 @@ def _first_sentence(text: str) -> str:
         line.lstrip("# ") for line in text.splitlines() if line.startswith("#") and "yaml-language-server" not in line
     ]
     return " ".join(line for line in lines if not line.startswith("(")).partition(". ")[0]
-
-
-def width() -> int:
-    """The columns of a table: those of the terminal, 100 at most, and 100 if there is none."""
-    return min(WIDEST, shutil.get_terminal_size().columns) if sys.stdout.isatty() else WIDEST
 
 
 def paragraph(text: str, start: str = "", indent: str | None = None) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import os
 from pathlib import Path
 
 import click
@@ -48,12 +46,13 @@ def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, out
     and a verdict. Verdicts on means and RMSEs need 200 runs (--full). Finished runs are not repeated. The folder's
     study.py is imported.
 
-    Six studies of our own have no paper. `frontier` compares error and energy of every tracker on one field.
+    Seven studies of our own have no paper. `frontier` compares error and energy of every tracker on one field.
     `reality` compares recorded readings with simulated ones, on the tracks that come with wsnsim or on those of --data.
     `duty_cycles` compares what trackers cost on radios that are off most of the time. `few_bits` asks what readings of
     1 to 8 bits save, `late` what readings are worth that miss their step. `association` asks what finding out whose
-    detections are costs, and what loss does to it.
+    detections are costs, and what loss does to it; `headless` what it costs to need no cluster head.
     """
+    from wsnsim.campaign.folders import demand_writable
     from wsnsim.cli.reproduction_session import ReproductionSession
     from wsnsim.papers import reproduce as reproducing
 
@@ -63,12 +62,7 @@ def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, out
         raise UsageError("--only cannot be combined with --data")
     chosen = reproducing.chosen(sources, only) if data is None else reproducing.on_data(sources, data)
     if figures:
-        try:
-            figures.mkdir(parents=True, exist_ok=True)
-            if not os.access(figures, os.W_OK):
-                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        except OSError as error:
-            raise UsageError(f"--figures {figures}: {error.strerror or error}") from None
+        demand_writable(figures, "--figures ")
     where = out / ("quick" if quick else "full")
     session = ReproductionSession(where, jobs, not quick, batch, quiet, progress, figures)
     session.begin_all(chosen, accept_code_change)

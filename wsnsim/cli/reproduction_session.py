@@ -85,7 +85,7 @@ class ReproductionSession:
         try:
             rows, lines = reproducing.evaluated(source, experiment, folder)
         except ResultError:
-            damaged = reproducing.set_aside(folder)
+            damaged = Folder(folder).all_set_aside()
             for path in damaged:
                 echo(f"wsnsim: {path}: is damaged and was set aside; its runs are repeated", err=True)
             if not damaged or not self.run(source, experiment, should_stop).complete:
@@ -100,7 +100,7 @@ class ReproductionSession:
     def print_answer(self, as_json: bool, markdown: bool) -> None:
         """Print the rows and lines of all experiments."""
         if as_json:
-            echo_json({"schema_version": 1, "rows": reproducing.as_json(self.rows), "lines": self.lines})
+            echo_json({"rows": [reproducing.as_json(row) for row in self.rows], "lines": self.lines})
         elif markdown:
             echo(table.markdown(self.rows, self.lines))
         else:

@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -227,10 +227,7 @@ def _page_path(result: Path) -> Path:
     page = result.with_suffix(".html")
     if page == result or (page.exists() and result.exists() and page.samefile(result)):
         raise UsageError(f"--report: the page would overwrite {result}; give --out {result.with_suffix('.h5')}")
-    try:
-        return writable(page, Path(page.name))
-    except UsageError as error:
-        raise UsageError(f"--report: {str(error).removeprefix('--out ')}") from None
+    return writable(page, Path(page.name), "--report:")
 
 
 OF_CAMPAIGNS = ("port", "browser", "ends", "metric", "column", "quiet", "source", "out")
@@ -245,9 +242,9 @@ OF_RESULTS = ("port", "browser", "bounds", "plugins", "quiet", "source", "ends",
 @click.option("--metric", metavar="NAME", help="Of a campaign: the column of runs to plot; default rmse.")
 @click.option("--column", metavar="KEY", help="Of a campaign: the swept key on the axis.")
 @run_options
-@click.pass_context
+@click.pass_obj
 def watch(
-    context: click.Context, /, source: str, port: int, browser: bool, ends: bool, metric: str | None,
+    interrupts: Interrupts, /, source: str, port: int, browser: bool, ends: bool, metric: str | None,
     column: str | None, **given: Any,
 ) -> int | None:  # fmt: skip
     """Show a run, a campaign or a result in a browser.
@@ -256,11 +253,12 @@ def watch(
     A campaign is one that another process runs, or has run: DIR is its folder. The folder of a SWEEP is results/NAME,
     or that of --out. FILE.h5 is a result, whose page is shown.
     """
-    live, interrupts = LiveOptions(port, browser, ends), context.obj
+    live = LiveOptions(port, browser, ends)
     from wsnsim.scenario.texts import is_result
 
     if not Path(source).is_dir() and is_result(source):
-        _refuse_options_of_runs(context, OF_RESULTS, f"a result; to run its scenario: wsnsim run {source} --watch")
+        again = f"a result; to run its scenario: wsnsim run {source} --watch"
+        shared.demand_meaning(OF_RESULTS.__contains__, again)
         _demand_campaign(metric, column)
         _show_result(Path(source), live, interrupts, given)
         return None
@@ -269,7 +267,7 @@ def watch(
         _demand_campaign(metric, column)
         run_scenario(source, SimpleNamespace(**given), interrupts, live)
         return None
-    _refuse_options_of_runs(context, OF_CAMPAIGNS, "a campaign, which another process runs")
+    shared.demand_meaning(OF_CAMPAIGNS.__contains__, "a campaign, which another process runs")
     return _follow(folder, metric or "rmse", column, live, interrupts, given["quiet"])
 
 
@@ -279,8 +277,6 @@ def _folder(source: str, out: Path | None) -> Path | None:
         return Path(source)
     from wsnsim.scenario.sweep import is_sweep, load_sweep
 
-    if Path(source).is_dir():
-        raise UsageError(f"folder holds no campaign: {source}")
     if not is_sweep(source):
         return None
     folder = out or Path("results") / load_sweep(source).name
@@ -311,15 +307,6 @@ def _show_result(result: Path, live: LiveOptions, interrupts: Interrupts, given:
         page = page_of(result, None, given["plugins"], given["bounds"])
     with shown_live(live, partial(page_server, page)):
         linger("", given["quiet"], interrupts)
-
-
-def _refuse_options_of_runs(context: click.Context, allowed: Sequence[str], what: str) -> None:
-    """Raise UsageError if an option was given that has no meaning for what is shown."""
-    for parameter in context.command.params:
-        name = parameter.name or ""
-        given = context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
-        if given and name not in allowed:
-            raise UsageError(f"{parameter.opts[0]} has no meaning for {what}")
 
 
 def _follow(

@@ -6,6 +6,8 @@ import contextlib
 import functools
 import importlib
 import json
+import math
+import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -30,27 +32,19 @@ INCOMPLETE: Final = 3
 METRIC: Final = "rmse"
 """The metric that is compared by default."""
 PATH: Final = click.Path(path_type=Path)
-COMMANDS: Final = {
-    "campaigns": ("sweep", "compare", "collect"),
-    "commands": ("check", "list", "schema", "verify", "trace", "diff", "recover", "info", "new"),
-    "exporting": ("export", "plot", "report"),
-    "fitting": ("fit",),
-    "importing": ("import",),
-    "lifetime": ("lifetime",),
-    "reproducing": ("reproduce",),
-    "running": ("run", "watch"),
-}
-"""The modules of this package, and the commands that each of them adds when it is imported."""
+MAX_NAME_LENGTH: Final = 100
+"""Number of characters of a default name, which is also that of a folder."""
 PURPOSES: Final = {
-    "Start": ("list", "info", "new", "check", "schema"),
-    "Run": ("run", "watch", "lifetime"),
-    "Look": ("plot", "report", "trace"),
-    "Compare and publish": ("compare", "export", "reproduce"),
-    "Bring data": ("import", "fit"),
-    "Trust": ("verify", "diff", "recover"),
-    "Campaigns": ("sweep", "collect"),
+    "Start": dict.fromkeys(("list", "info", "new", "check", "schema"), "commands"),
+    "Run": {"run": "running", "watch": "running", "lifetime": "lifetime"},
+    "Look": {"plot": "exporting", "report": "exporting", "trace": "commands"},
+    "Compare and publish": {"compare": "campaigns", "export": "exporting", "reproduce": "reproducing"},
+    "Bring data": {"import": "importing", "fit": "fitting"},
+    "Trust": dict.fromkeys(("verify", "diff", "recover"), "commands"),
+    "Campaigns": dict.fromkeys(("sweep", "collect"), "campaigns"),
 }
-"""The commands by what they are for."""
+"""The commands by what they are for, each with the module of this package that adds it when it is imported."""
+MODULES: Final = {name: module for commands in PURPOSES.values() for name, module in commands.items()}
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
@@ -58,13 +52,12 @@ class _CommandGroup(click.Group):
     """A group that imports a command when it is asked for, and suggests the nearest one for an unknown one."""
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        for module, names in COMMANDS.items():
-            if cmd_name in names:
-                importlib.import_module(f"wsnsim.cli.{module}")
+        if cmd_name in MODULES:
+            importlib.import_module(f"wsnsim.cli.{MODULES[cmd_name]}")
         return super().get_command(ctx, cmd_name)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return sorted(name for names in COMMANDS.values() for name in names)
+        return sorted(MODULES)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for purpose, names in PURPOSES.items():
@@ -93,7 +86,7 @@ def group() -> None:
 
 def every_command() -> Mapping[str, click.Command]:
     """Return all commands by name."""
-    for module in COMMANDS:
+    for module in MODULES.values():
         importlib.import_module(f"wsnsim.cli.{module}")
     return group.commands
 
@@ -161,17 +154,40 @@ def reading(*results: Path) -> Iterator[None]:
 
 def is_campaign(source: str) -> bool:
     """Whether the name is that of a campaign's folder."""
-    try:
-        return (Path(source) / "campaign.json").is_file()
-    except (OSError, ValueError):
-        return False
+    return os.path.isfile(f"{source}/campaign.json")  # noqa: PTH113 - Path.is_file raises if a name is too long
+
+
+def demand_meaning(has_meaning: Callable[[str], bool], what: str) -> None:
+    """Raise UsageError if an option was given to the current command that has no meaning for what it is about."""
+    context = click.get_current_context()
+    for option in context.command.params:
+        name = str(option.name)
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE and not has_meaning(name):
+            raise UsageError(f"{option.opts[0]} has no meaning for {what}")
+
+
+def demand_no_trackers(command: str, sources: Sequence[str], named: str | None) -> None:
+    """Raise UsageError if trackers were given where scenarios are expected; `named`: those of --trackers."""
+    from wsnsim.scenario.registry import kinds
+    from wsnsim.scenario.texts import find_or_none
+
+    trackers = [source for source in sources if find_or_none(source) is None and source in kinds("tracker")]
+    if trackers:
+        first = next((source for source in sources if source not in trackers), "SCENARIO")
+        such = f"wsnsim {command} {first} --trackers {','.join([*filter(None, [named]), *trackers])}"
+        raise UsageError(f"not scenarios but trackers: {', '.join(trackers)}; name them with --trackers: {such}")
+
+
+def file_name(text: str) -> str:
+    """The text with every unsafe character replaced by '_', shortened: the name of a file or folder."""
+    return "".join(c if c.isalnum() or c in "_-." else "_" for c in text)[:MAX_NAME_LENGTH]
 
 
 def writable(out: Path | None, default: Path, option: str = "--out") -> Path:
     """The path to write to: `out`, or the default, whose folder is created.
 
     Raises:
-        UsageError: the path cannot be written. It is checked before anything runs.
+        UsageError: the path cannot be written, or has another suffix. It is checked before anything runs.
     """
     import tempfile
 
@@ -183,6 +199,9 @@ def writable(out: Path | None, default: Path, option: str = "--out") -> Path:
             raise UsageError(f"{option} {path} is a folder; give a file such as {path / default.name}")
         if reason := why_not_regular(path):
             raise UsageError(f"{option} {path} {reason}")
+        if path.suffix.lower() != default.suffix.lower():
+            hint = "; `wsnsim export` writes tables in other formats" * (default.suffix == ".h5")
+            raise UsageError(f"{option} {path}: expected a file with the suffix {default.suffix}{hint}")
         if is_too_long(path.name):
             most = LARGEST_NAME - LONGEST_ADDITION
             raise UsageError(f"{option} {shortened(path.name)}: the name of a file has at most {most} bytes")
@@ -204,12 +223,23 @@ def seconds_of(option: str, text: str) -> float:
     from wsnsim.scenario.units import UnitError, si
 
     try:
-        return float(text)
+        seconds = float(text)
     except ValueError:
         try:
-            return si(text, "s")
+            seconds = si(text, "s")
         except UnitError as error:
             raise UsageError(f"{option}: {error}") from None
+    if not math.isfinite(seconds):
+        raise UsageError(f"{option} {text}: give a finite time, such as 12.5 (in s) or '10 min'")
+    return seconds
+
+
+def plot_path(path: Path, animated: bool = False, option: str = "--out") -> Path:
+    """The path of a figure, checked for its suffix and for being writable. Raises UsageError."""
+    from wsnsim.analysis.figure_style import suffix_of
+
+    suffix_of(path, animated)
+    return writable(path, Path(path.name), option)
 
 
 def not_the_result(path: Path, result: Path, content: str) -> Path:

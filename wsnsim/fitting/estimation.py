@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
@@ -29,7 +29,7 @@ from wsnsim.fitting.fitted_law import (
     logarithmic,
     resampled,
 )
-from wsnsim.fitting.located_readings import Coefficients, LocatedReadings, ReadingKeys, least_squares, shared_with
+from wsnsim.fitting.located_readings import Coefficients, LocatedReadings, is_shared, least_squares, shared_with
 from wsnsim.fitting.residuals import Family, Noise, Shadowing, averaged, lagged, shadowing
 from wsnsim.fitting.result import Fit
 
@@ -308,26 +308,15 @@ def fit_readings(
     if not test and wanted.in_sample:
         judged = [every.of([index]) for index in range(len(files))]
     known = {file.path: train.keys(index) for index, file in enumerate(train.files)}
-    said = [_shared(sample, train, known) for sample in judged]
-    for words in said:
-        if words and not wanted.in_sample:
-            raise UsageError(words)
+    shared = []
+    for sample in judged:
+        (file,) = sample.files
+        named = next((other.path for other in train.files if other.digest == file.digest), None)
+        found = (named, 1.0) if named else shared_with(sample.keys(0), known)
+        shared.append(is_shared(file.path, found, wanted.in_sample))
     fitted = fit_sample(train, form, wanted)
     test_rows = (
-        Evaluation(sample.files[0], bool(words), figures(fitted.model, sample), figures(fitted.plain, sample))
-        for sample, words in zip(judged, said, strict=True)
+        Evaluation(sample.files[0], again, figures(fitted.model, sample), figures(fitted.plain, sample))
+        for sample, again in zip(judged, shared, strict=True)
     )
     return dataclasses.replace(fitted, test=tuple(test_rows))
-
-
-def _shared(sample: LocatedReadings, train: LocatedReadings, known: Mapping[str, ReadingKeys]) -> str:
-    """What a file shares with the train files, by its content or its rows; '' if it is independent of them."""
-    (file,) = sample.files
-    named = next((other.path for other in train.files if other.digest == file.digest), None)
-    found = (named, 1.0) if named else shared_with(sample.keys(0), known)
-    if found is None:
-        return ""
-    return (
-        f"{file.path} and {found[0]} share {found[1]:.1%} of their readings: a law must not be judged on what it was "
-        "fitted to; give another file with --test, or say --in-sample"
-    )

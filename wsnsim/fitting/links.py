@@ -26,11 +26,11 @@ import numpy as np
 from scipy import optimize, special
 
 from wsnsim.base.arrays import Bools, Floats
-from wsnsim.base.errors import RunError, UsageError
+from wsnsim.base.errors import RunError
 from wsnsim.base.version import __version__
 from wsnsim.fitting.fitted_law import FittedValue, percentiles, resampled
 from wsnsim.fitting.link_sample import LinkRows, delivery, margin, mean_power, read_link_rows
-from wsnsim.fitting.located_readings import DataFile, shared_with
+from wsnsim.fitting.located_readings import DataFile, is_shared, shared_with
 from wsnsim.fitting.result import bad_row_notes, block_lines, file_text, one_line, refused, value_lines
 
 STATED_RATIOS: Final = (0.1, 0.5, 0.9)
@@ -211,15 +211,9 @@ def fit_links(files: Sequence[str], nodes: str | None, test: Sequence[str], opti
     judged = test or (files if options.in_sample else ())
     tests = [read_link_rows([file], nodes, options.node_columns, options.skip_bad_rows) for file in judged]
     known = {file.path: keys for file, keys in zip(rows.files, rows.keys, strict=True)}
-    shared = [shared_with(each.keys[0], known) for each in tests]
-    for each, found in zip(tests, shared, strict=True):
-        if found and not options.in_sample:
-            raise UsageError(
-                f"{each.files[0].path} and {found[0]} share {found[1]:.1%} of their rows: links must not be judged on "
-                "what they were fitted to; give another file with --test, or say --in-sample"
-            )
+    shared = [is_shared(each.files[0].path, shared_with(each.keys[0], known), options.in_sample) for each in tests]
     fitted = fit_link_rows(rows, options)
-    judgements = (_evaluated(fitted, each, bool(found)) for each, found in zip(tests, shared, strict=True))
+    judgements = (_evaluated(fitted, each, again) for each, again in zip(tests, shared, strict=True))
     return dataclasses.replace(fitted, test=tuple(judgements))
 
 

@@ -24,6 +24,7 @@ import numpy as np
 from scipy import linalg, stats
 
 from wsnsim.base.arrays import Bools, Floats, Ints
+from wsnsim.base.errors import UsageError
 
 MOST_APART: Final = 60
 """Pairs of one node's readings are at most this many readings apart."""
@@ -266,3 +267,13 @@ def shared_with(rows: Set[Hashable], files: Mapping[str, Set[Hashable]]) -> tupl
     path = max(files, key=lambda name: share(rows, files[name]))
     largest = max(share(rows, files[path]), share(rows, frozenset().union(*files.values())))
     return (path, largest) if largest >= SAME_SHARE else None
+
+
+def is_shared(path: str, found: tuple[str, float] | None, in_sample: bool) -> bool:
+    """Whether a file shares rows with a fitted one (`shared_with`). Raises UsageError for that unless `in_sample`."""
+    if found and not in_sample:
+        raise UsageError(
+            f"{path} and {found[0]} share {found[1]:.1%} of their readings: a fit must not be judged on what it was "
+            "fitted to; give another file with --test, or say --in-sample"
+        )
+    return found is not None

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wsnsim.analysis.figure_style import BLUE, GREY, ORANGE, PALE, VERMILLION, suffix_of, write_figure
+from wsnsim.analysis.figure_style import BLUE, GREY, ORANGE, PALE, VERMILLION, write_figure
 from wsnsim.base.arrays import Floats
 from wsnsim.fitting.fitted_law import FittedLaw, FittedValue
 from wsnsim.fitting.link_sample import LinkRows, delivery, mean_power
@@ -30,7 +30,6 @@ DISTANCE_BINS = 15
 
 def plot_fit(fit: FittedLaw, out: Path) -> Path:
     """Write the figure. Raises UsageError for a suffix that cannot be written, ResultError if it cannot be written."""
-    suffix_of(out)
     panels = [_histogram, _quantiles, _correlation, _against_distance] + ([_gains] if fit.gains else [])
 
     def draw(figure: Figure) -> None:
@@ -140,7 +139,6 @@ class LinkFigure(NamedTuple):
 
 def plot_links(shown: LinkFigure, out: Path) -> Path:
     """Write the figure. Raises UsageError for a suffix that cannot be written, ResultError if it cannot be written."""
-    suffix_of(out)
     panels: list[Callable[[Axes, LinkFigure], None]] = [_ratios, _directions]
     if "exponent" in shown.values:
         panels.append(_powers)

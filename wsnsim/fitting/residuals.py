@@ -16,11 +16,10 @@ Source: Gudmundson (1991), "Correlation model for shadow fading in mobile radio 
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy import special
+from scipy import special, stats
 
 from wsnsim.base.arrays import Floats, Ints
 from wsnsim.fitting.located_readings import LocatedReadings
@@ -191,7 +190,6 @@ PER_SD: Final = 20
 """Bins of the histogram of residuals in one standard deviation: fine enough that binning does not move the fit."""
 FARTHEST: Final = 30.0
 """Residuals beyond this many standard deviations count as there."""
-LOG_2PI: Final = math.log(2.0 * math.pi)
 
 
 class Noise(NamedTuple):
@@ -217,7 +215,7 @@ class Noise(NamedTuple):
     def log_density(self, residuals: Floats) -> Floats:
         """(n,) log density of residuals, each by itself."""
         if not math.isfinite(self.dof):
-            return _log_normal(residuals, self.total)
+            return np.asarray(stats.norm.logpdf(residuals, scale=self.total))
         densities: Floats = _log_sum(residuals, self.sd, np.array([self.dof]), self.shadowing)[0]
         return densities
 
@@ -249,39 +247,15 @@ def student_t(found: Histogram, sd: float, shadowing: float, weights: Floats) ->
 
 def normal_log_likelihood(found: Histogram, sd: float) -> float:
     """The log-likelihood of all residuals as normal ones of this standard deviation."""
-    return float(found.counts.sum(axis=0) @ _log_normal(found.centres, sd))
-
-
-def _log_normal(residuals: Floats, sd: float) -> Floats:
-    return -0.5 * ((residuals / sd) ** 2 + LOG_2PI) - math.log(sd)
+    return float(found.counts.sum(axis=0) @ stats.norm.logpdf(found.centres, scale=sd))
 
 
 def _log_sum(residuals: Floats, sd: float, dofs: Floats, shadowing: float) -> Floats:
     """(D, n) log density of the sum of N(0, shadowing²) and Student's t of standard deviation sd."""
+    student = stats.t(dofs[:, None], scale=sd * np.sqrt(1.0 - 2.0 / dofs[:, None]))
     if shadowing <= 0.0:
-        return _log_student(residuals, sd, dofs)
-    places, weights = _quadrature()
-    parts = [
-        math.log(weight) + _log_student(residuals - shadowing * place, sd, dofs)
-        for place, weight in zip(places.tolist(), weights.tolist(), strict=True)
-    ]
-    result: Floats = special.logsumexp(np.stack(parts), axis=0)
-    return result
-
-
-def _log_student(residuals: Floats, sd: float, dofs: Floats) -> Floats:
-    """(D, n) log density of Student's t scaled to the standard deviation sd."""
-    nu = dofs[:, None]
-    scale = sd * np.sqrt((nu - 2.0) / nu)
-    constant = (
-        special.gammaln((nu + 1.0) / 2.0) - special.gammaln(nu / 2.0) - 0.5 * np.log(nu * math.pi) - np.log(scale)
-    )
-    result: Floats = constant - (nu + 1.0) / 2.0 * np.log1p((residuals / scale) ** 2 / nu)
-    return result
-
-
-@cache
-def _quadrature() -> tuple[Floats, Floats]:
-    """Nodes and weights of the expectation over a standard normal variable."""
+        return np.asarray(student.logpdf(residuals))
+    # the expectation over a standard normal variable
     places, weights = np.polynomial.hermite_e.hermegauss(NODES)
-    return places, weights / weights.sum()
+    parts = np.stack([student.logpdf(residuals - shadowing * place) for place in places])
+    return np.asarray(special.logsumexp(parts, axis=0, b=weights[:, None, None] / weights.sum()))

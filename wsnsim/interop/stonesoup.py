@@ -162,7 +162,6 @@ def to_tracks(result: Any, replicate: int | None = None) -> set[Any]:
         UsageError: Stone Soup is not installed.
         ResultError: Readings name no target.
     """
-    _demand()
     estimates = _table(result, "estimates", replicate)
     from stonesoup.types.state import GaussianState, State
     from stonesoup.types.track import Track
@@ -190,10 +189,9 @@ def to_truths(result: Any, replicate: int | None = None) -> set[Any]:
     Raises:
         UsageError: Stone Soup is not installed.
     """
-    _demand()
+    truth = _table(result, "truth", replicate)
     from stonesoup.types.groundtruth import GroundTruthPath, GroundTruthState
 
-    truth = _table(result, "truth", replicate)
     names = [name for name in truth.columns if name not in ("replicate", "target", "step", "time")]
     paths = set()
     for (run, target), rows_ in truth.groupby(["replicate", "target"], observed=True):
@@ -221,10 +219,9 @@ def to_detections(result: Any, replicate: int = 0) -> list[tuple[datetime, set[A
         UsageError: Stone Soup is not installed.
         ResultError: The table `readings` was not recorded.
     """
-    _demand()
+    readings, nodes = _table(result, "readings", replicate), _table(result, "nodes", replicate)
     from stonesoup.types.detection import Detection
 
-    readings, nodes = _table(result, "readings", replicate), _table(result, "nodes", replicate)
     places = {int(node): (x, y) for node, x, y in nodes[["node", "x_assumed", "y_assumed"]].itertuples(index=False)}
     found: dict[datetime, set[Any]] = {}
     keys = ["time", "target", "node"]
@@ -242,17 +239,16 @@ def _covariances(result: Any, names: list[str], replicate: int | None) -> dict[t
         table = _table(result, "covariances", replicate)
     except ResultError:
         return {}
-    size = len(names)
-    covs = np.empty((len(table), size, size))
-    for i, one in enumerate(names):
-        for j, other in enumerate(names[i:], i):
-            covs[:, i, j] = covs[:, j, i] = table[f"cov_{one}_{other}"]
-    keys = table[["replicate", "target", "step"]].to_numpy().tolist()
-    return {(run, target, step): cov for (run, target, step), cov in zip(keys, covs, strict=True)}
+    columns = [[f"cov_{names[min(i, j)]}_{names[max(i, j)]}" for j in range(len(names))] for i in range(len(names))]
+    covs = np.stack([table[row].to_numpy() for row in columns], axis=1)
+    keys = table[["replicate", "target", "step"]].itertuples(index=False, name=None)
+    return dict(zip(keys, covs, strict=True))
 
 
 def _table(result: Any, name: str, replicate: int | None) -> Any:
-    """A table of a result or of a result file, of one Monte Carlo run or of all."""
+    """A table of a result or of a result file, of one Monte Carlo run or of all; refused without Stone Soup."""
+    if not is_installed():
+        raise UsageError(MISSING)
     if isinstance(result, str | Path):
         from pandas import DataFrame
 
@@ -264,9 +260,3 @@ def _table(result: Any, name: str, replicate: int | None) -> Any:
     if name == "estimates" and "target" not in frame:
         raise ResultError("the readings of this result name no target: take its tables estimates and detections")
     return frame if replicate is None else frame[frame["replicate"] == replicate]
-
-
-def _demand() -> None:
-    """Raise UsageError if Stone Soup is not installed."""
-    if not is_installed():
-        raise UsageError(MISSING)

@@ -47,7 +47,7 @@ class Paths:
 
     Args:
         stores: the batteries of the nodes.
-        visits: when targets come; None: never.
+        visits: when targets come.
         rng: source of all random numbers.
         count: R.
         horizon: end of all paths in s.
@@ -58,9 +58,7 @@ class Paths:
         events: [path, node, time (s), whether the node came back] of each death and return, in no order.
     """
 
-    def __init__(
-        self, stores: Stores, visits: Visits | None, rng: np.random.Generator, count: int, horizon: float
-    ) -> None:
+    def __init__(self, stores: Stores, visits: Visits, rng: np.random.Generator, count: int, horizon: float) -> None:
         self._stores, self._visits, self._rng, self._horizon = stores, visits, rng, horizon
         self._state = stores.full(count)
         self.time = np.zeros(count)
@@ -70,13 +68,10 @@ class Paths:
     def advance(self, phase: Phase, deaths: int) -> None:
         """Continue every path until it has this number of dead nodes, or the horizon has come."""
         while (chosen := self._going(deaths)).size:
-            begun = self.time[chosen]
-            if self._visits is None:
-                self._spend(chosen, phase.quiet, np.minimum(LONGEST * self._horizon, self._horizon - begun))
-            elif self._visits.rate is None:
+            if self._visits.rate is None:
                 self._listed(chosen, phase)
             else:
-                self._random(chosen, phase, self._visits)
+                self._random(chosen, phase)
 
     def noted(self) -> Floats:
         """(E, 4) the events so far."""
@@ -89,32 +84,32 @@ class Paths:
             self.time[~mortal.any(axis=1)] = self._horizon
         return np.flatnonzero(((~self.alive).sum(axis=1) < deaths) & (self.time < self._horizon))
 
-    def _random(self, chosen: np.ndarray, phase: Phase, visits: Visits) -> None:
+    def _random(self, chosen: np.ndarray, phase: Phase) -> None:
         """One chunk of random visits in each of the paths."""
-        count = self._in_chunk(phase, visits)
+        count = self._in_chunk(phase)
         shares = np.full(len(phase.added), 1.0 / len(phase.added))
         counts = self._rng.multinomial(count, shares, size=chosen.size).astype(np.float64)
         stay, begun = counts @ phase.seconds, self.time[chosen]
-        ends = visits.after_several(begun, count, self._rng.gamma(count, size=chosen.size), stay)
+        ends = self._visits.after_several(begun, count, self._rng.gamma(count, size=chosen.size), stay)
         joules = self._joules(counts, phase, chosen)
         if count == 1:
             self._spend(chosen, phase.quiet, ends - begun - stay)
             begun = ends - stay
         self._spend(chosen, phase.quiet + joules / (ends - begun)[:, None], ends - begun)
 
-    def _in_chunk(self, phase: Phase, visits: Visits) -> int:
+    def _in_chunk(self, phase: Phase) -> int:
         """The number of visits in a chunk, at least 1."""
-        assert visits.rate is not None
+        rate = self._visits.rate
+        assert rate is not None
         living = self.alive.any(axis=0) & np.isfinite(self._stores.joules)
-        lives = self._stores.lives(phase.quiet + visits.rate * phase.loads.mean(axis=0))[living]
+        lives = self._stores.lives(phase.quiet + rate * phase.loads.mean(axis=0))[living]
         span = LONGEST * self._horizon
         if lives.size:
             span = min(span, max(CHUNK * float(lives.min()), FINEST * float(np.median(lives))))
-        return max(1, int(span * visits.rate))
+        return max(1, int(span * rate))
 
     def _listed(self, chosen: np.ndarray, phase: Phase) -> None:
         """The next of the listed visits in each of the paths, or the quiet time until the horizon."""
-        assert self._visits is not None
         times = np.append(self._visits.begins, np.inf)
         now = self.time[chosen]
         begins = times[np.searchsorted(times, now)]

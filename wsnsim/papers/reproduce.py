@@ -209,12 +209,6 @@ def evaluated(source: str, experiment: Experiment, folder: Path) -> tuple[list[C
     return [row_of(content) for content in found], lines
 
 
-def set_aside(folder: Path) -> list[Path]:
-    """Rename the unreadable files of a campaign, so that their runs count as missing. Return the new paths."""
-    campaign_folder = Folder(folder)
-    return [path for point in campaign_folder.manifest().points for path in campaign_folder.set_aside(point.id)]
-
-
 def summary(source: str, experiment: Experiment, folder: Path) -> list[str]:
     """The lines beneath an experiment's rows: the answers to its hypotheses, and its summary."""
     study = load_study(source)
@@ -238,12 +232,8 @@ def draw(source: str, experiment: Experiment, folder: Path, into: Path) -> list[
     return files
 
 
-def as_json(found: Sequence[ClaimRow]) -> list[dict[str, Any]]:
-    """The rows as plain values: verdicts with their ratios, shares and medians with their intervals."""
-    return [_plain(row) for row in found]
-
-
-def _plain(row: ClaimRow) -> dict[str, Any]:
+def as_json(row: ClaimRow) -> dict[str, Any]:
+    """A row as plain values: its verdict with the ratio, shares and medians with their intervals."""
     nested = ("title", "id", "key", "short", "judgement", "astray", "median", "losses")
     return {
         **{name: value for name, value in vars(row).items() if name not in nested},

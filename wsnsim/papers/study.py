@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final, NamedTuple, final
+from typing import Any, Final, final
 
 from wsnsim.base.errors import Issue, ScenarioError, UsageError, did_you_mean
 from wsnsim.papers.reproduction import (
@@ -28,7 +28,7 @@ from wsnsim.scenario.schema import unsafe_name
 from wsnsim.scenario.texts import Keys, shipped_studies
 
 PAPERS: Final = ("jiang2013", "liu2012", "wei2022", "ruan2020", "li2012")
-STUDIES: Final = ("frontier", "reality", "duty_cycles", "few_bits", "late", "association")
+STUDIES: Final = ("frontier", "reality", "duty_cycles", "few_bits", "late", "association", "headless")
 """Studies of our own."""
 PAGES: Final = (*PAPERS, *STUDIES)
 """The names of what comes with wsnsim."""
@@ -36,13 +36,6 @@ FILE: Final = "study.yaml"
 ALL: Final = "all"
 PER_NAME: Final = ("published", "reason")
 """Keys of a claim that may have a value for each variant or order."""
-
-
-class PlacedClaim(NamedTuple):
-    """A claim and its path in the file."""
-
-    claim: Claim
-    path: Keys
 
 
 @functools.cache
@@ -140,12 +133,12 @@ class Study:
         empty = [(*path, "variants", name) for name, given in texts.items() if not given]
         issues += [self._document.issue(place, "names no scenario") for place in empty]
         variants = {name: Variant(given[0], given[1:]) for name, given in texts.items() if given}
-        placed: list[PlacedClaim] = []
+        placed: list[tuple[Claim, Keys]] = []  # with their paths in the file
         for number, claim in enumerate(entry.claims):
             placed += self._claims(entry, claim, (*path, "claims", number), issues)
         kept = ("title", "hypotheses", "figures", "record", "sets", "quick_sets", "summary", "literal", "reading")
         experiment = Experiment(
-            name=f"{self._prefix}{entry.name}", variants=variants, claims=tuple(each.claim for each in placed),
+            name=f"{self._prefix}{entry.name}", variants=variants, claims=tuple(claim for claim, _ in placed),
             **{key: getattr(entry, key) for key in kept}, **dict(entry.runs),
         )  # fmt: skip
         issues += [*self._claim_issues(experiment, placed), *self._issues(experiment, entry, path)]
@@ -166,7 +159,7 @@ class Study:
 
     def _claims(
         self, experiment: ExperimentEntry, entry: ClaimEntry, path: Keys, issues: list[Issue]
-    ) -> Iterator[PlacedClaim]:
+    ) -> Iterator[tuple[Claim, Keys]]:
         """The claims of an entry: those of the first variant or order, then those of the next."""
         names = (
             tuple(experiment.variants) if entry.of == ALL else (entry.of,) if isinstance(entry.of, str) else entry.of
@@ -177,9 +170,9 @@ class Study:
             issues += [self._document.issue(place, message) for message in _entry_problems(entry, row, names)]
         for name in names:
             for row, place in rows:
-                yield PlacedClaim(_claim(row, name, experiment, self._document.content.published_runs), place)
+                yield _claim(row, name, experiment, self._document.content.published_runs), place
 
-    def _claim_issues(self, experiment: Experiment, placed: list[PlacedClaim]) -> Iterator[Issue]:
+    def _claim_issues(self, experiment: Experiment, placed: list[tuple[Claim, Keys]]) -> Iterator[Issue]:
         """Names in claims that nothing has: variants, measures, and rows in reasons; claims of the same name."""
         keys: dict[str, list[str]] = {}
         for claim, place in placed:

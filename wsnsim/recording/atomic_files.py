@@ -60,26 +60,40 @@ def write_atomically(place: Path, write: Callable[[Path], object]) -> None:
 
 
 @contextlib.contextmanager
-def replacing(place: Path, with_folder: bool = False) -> Iterator[Path]:
+def replacing(place: Path, name: str | None = None, with_folder: bool = False) -> Iterator[Path]:
     """The path of a temporary file, which gets the name `place` when it is complete, and is removed if it is not.
 
+    Args:
+        place: the file.
+        name: the first part of the temporary name, as of `temporary_beside`.
+        with_folder: whether the folder is created.
+
     Raises:
-        StorageError: the file cannot be written, or has no folder, unless that is created (`with_folder`).
+        StorageError: the file cannot be written, or has no folder.
     """
     try:
         if with_folder:
             place.parent.mkdir(parents=True, exist_ok=True)
-        tmp = temporary_beside(place)
+        tmp = temporary_beside(place, name)
         try:
             yield tmp
-            with tmp.open("rb+") as file:
-                os.fsync(file.fileno())
+            _synchronise(tmp)
             tmp.replace(place)
+            with contextlib.suppress(OSError):  # some file systems do not synchronise folders
+                _synchronise(place.parent)
         finally:
             with contextlib.suppress(OSError):
                 tmp.unlink(missing_ok=True)
-    except OSError as error:
+    except (OSError, RuntimeError) as error:  # HDF5 raises both
         raise cannot_write(place, error) from error
+
+
+def _synchronise(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 @contextlib.contextmanager

@@ -129,7 +129,7 @@ class Folder:
             if not all(isinstance(files, dict) for files in [*content.get("code", {}).values(), *changes]):
                 raise ValueError("the digests of the code are no mapping")
             return Manifest(points=points, keys=keys, by=by, code_changes=changes, **content)
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             raise ResultError(f"{self.path}: holds no campaign (no {MANIFEST})") from None
         except OSError as error:
             raise ResultError(f"{place}: cannot be read: {reason(error)}") from error
@@ -197,12 +197,11 @@ class Folder:
         """The replicates of a point that are on disk."""
         return {number for batch in self.batches(point) for number in range(batch.first, batch.last + 1)}
 
-    def outside_manifest(self, manifest: Manifest) -> tuple[int, int]:
-        """(points, replicates of known points) on disk that the manifest does not contain."""
+    def outside_manifest(self, manifest: Manifest) -> int:
+        """The number of runs on disk that the manifest does not contain."""
         own = {point.id: point.replicates for point in manifest.points}
         existing = {place.parent.name for place in self.path.glob("*/r*.h5")}
-        more = sum(sum(number >= most for number in self.done(point)) for point, most in own.items())
-        return len(existing - own.keys()), more
+        return sum(number >= own.get(point, 0) for point in existing for number in self.done(point))
 
     def missing(self, point: str, replicates: int) -> list[int]:
         """The missing ones of a point's first replicates."""
@@ -222,6 +221,10 @@ class Folder:
             except ResultError:
                 moved.append(batch.path.rename(batch.path.with_name(f"{batch.path.name}.damaged")))
         return moved
+
+    def all_set_aside(self) -> list[Path]:
+        """The same for the files of all points."""
+        return [path for point in self.manifest().points for path in self.set_aside(point.id)]
 
     def state(self) -> list[Any]:
         """The state of the scenarios and result files: name, size, times and inode of each, as JSON values."""
@@ -252,14 +255,20 @@ class Folder:
 
     def given_up(self, point: str) -> set[int]:
         """The replicates of a point that have a report of their failure, and no file."""
-        names = [place.stem.removeprefix(f"{point}.") for place in self.path.glob(f"failed/{point}.r*.txt")]
-        spans = [match for name in names if (match := BATCH.fullmatch(f"{name}.h5"))]
-        return {n for span in spans for n in range(int(span[1]), int(span[2]) + 1)} - self.done(point)
+        return {number for _, numbers in self._reports(point) for number in numbers} - self.done(point)
 
-    def forget_failure(self, task: str) -> None:
-        """Delete the report of a task that succeeded in the end."""
+    def _reports(self, point: str) -> Iterator[tuple[Path, range]]:
+        """The reports of a point's failures, each with its replicates."""
+        for place in self.path.glob(f"failed/{point}.r*.txt"):
+            if span := BATCH.fullmatch(f"{place.stem.removeprefix(f'{point}.')}.h5"):
+                yield place, range(int(span[1]), int(span[2]) + 1)
+
+    def forget_failures(self, point: str, done: range) -> None:
+        """Delete the reports of replicates that succeeded in the end."""
         with contextlib.suppress(OSError):  # a report that stays is wrong, and no reason to end a campaign
-            (self.path / "failed" / f"{task}.txt").unlink(missing_ok=True)
+            for place, numbers in self._reports(point):
+                if numbers.start < done.stop and done.start < numbers.stop:
+                    place.unlink(missing_ok=True)
 
     def marker(self, session: str, task: str) -> Path:
         """The path of the file that a worker keeps while it runs a task. It stays if the worker is killed."""

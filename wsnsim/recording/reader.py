@@ -14,7 +14,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple, final
 
-import h5py
 import numpy as np
 from h5py import h5g
 
@@ -87,6 +86,8 @@ DAMAGED: Final = (
     OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, OverflowError, MemoryError, SystemError
 )  # fmt: skip
 """What HDF5 and h5py raise where a file is damaged."""
+NO_SIGNATURE: Final = "file signature not found"
+"""What HDF5 says of a file of another format."""
 
 
 class TableSize(NamedTuple):
@@ -188,10 +189,8 @@ def read_json(path: str | Path, name: str, optional: bool = False) -> dict[str, 
         name: name of the text.
         optional: whether the text may be missing, as after a killed run; the dict is empty then.
     """
-    with opened(path) as content:
-        if optional and name not in text_names(content):
-            return {}
-    return parsed(read_text(path, name), f"{path}: the text '{name}'")
+    text = read_text(path, name, optional)
+    return parsed(text, f"{path}: the text '{name}'") if text or not optional else {}
 
 
 def attributes(path: str | Path) -> dict[str, Any]:
@@ -231,8 +230,10 @@ def opened(path: str | Path, unfinished: bool = False) -> Iterator[Content]:
     except DamagedContent as error:
         raise ResultError(f"{path}: cannot be read: {error}") from error
     except DAMAGED as error:
-        what = "cannot be read" if _is_hdf5(path) else "is not a wsnsim result"
-        raise ResultError(f"{path}: {what}: {reason(error)}") from error
+        said = f"cannot be read: {reason(error)}"
+        if said.endswith(NO_SIGNATURE):
+            said = "is not a wsnsim result: these end in .h5, and `wsnsim run` writes them"
+        raise ResultError(f"{path}: {said}") from error
 
 
 def column_names(content: Content, group: h5g.GroupID) -> list[str]:
@@ -332,13 +333,6 @@ def _size(content: Content, path: str | Path, table: str) -> TableSize:
     first = content.column(group, names[0])
     stored = sum(content.stored_bytes(group, name) for name in names[1:])
     return TableSize(first.rows, tuple(names), first.stored + stored)
-
-
-def _is_hdf5(path: Path) -> bool:
-    try:
-        return bool(h5py.is_hdf5(path))
-    except OSError:
-        return False
 
 
 def _nearest(path: Path) -> str:

@@ -255,18 +255,13 @@ def _fitted(value: Any, dtype: np.dtype[Any], name: str) -> np.ndarray:
     if array.dtype == dtype:
         return array
     try:
-        fitted = _cast_floats(value, dtype) if array.dtype.kind == "f" else np.asarray(value, dtype=dtype)
+        with np.errstate(invalid="ignore", over="ignore"):  # of values that do not fit, which is asserted below
+            fitted = np.asarray(value, dtype=dtype)
         fits = dtype.kind == "f" or bool((fitted == array).all())
     except (OverflowError, ValueError):
         fits = False
     assert fits, f"{name} holds values that do not fit {dtype}"
     return fitted
-
-
-def _cast_floats(value: Any, dtype: np.dtype[Any]) -> np.ndarray:
-    """The cast without a warning about values that do not fit, which the caller checks."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        return np.asarray(value, dtype=dtype)
 
 
 def _common_length(table: str, fitted: Mapping[str, np.ndarray]) -> int:

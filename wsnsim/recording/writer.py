@@ -13,9 +13,8 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -28,7 +27,7 @@ from wsnsim.base.errors import ResultError, StorageError, did_you_mean
 from wsnsim.base.tables import TABLES, Column, Words, columns_of, equally_long
 from wsnsim.base.version import __version__
 from wsnsim.recording import rows
-from wsnsim.recording.atomic_files import cannot_write, temporary_beside
+from wsnsim.recording.atomic_files import cannot_write, replacing
 
 
 @final
@@ -65,7 +64,6 @@ class ResultFile:
         self._status = status
         self._buffers: dict[str, rows.TableBuffer] = {}
         self._provenance: str | None = None
-        self._cleanup = contextlib.ExitStack()
         self._flushed_at = float("-inf")
 
     def __enter__(self) -> ResultFile:
@@ -73,22 +71,21 @@ class ResultFile:
             raise StorageError(f"{self.path}: cannot be written: folder does not exist: {self.path.parent}")
         if self.path.is_dir():
             raise StorageError(f"{self.path}: cannot be written: it is a folder")
-        try:
-            self._tmp = temporary_beside(self.path, self.path.name.removesuffix(".h5"))
-        except OSError as error:
-            raise cannot_write(self.path, error) from error
-        with self._complete_or_removed():
-            self._begin()
+        with contextlib.ExitStack() as stack:
+            self._tmp = stack.enter_context(replacing(self.path, self.path.name.removesuffix(".h5")))
+            self._begin(stack)
+            self._opened = stack.pop_all()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        if kind is not None:
-            self._discard()
+        if kind is None:
+            with self._opened:
+                self._finish()
             return
-        with self._complete_or_removed():
-            self._finish()
+        with contextlib.suppress(Exception):  # closing fails on a full disk; the temporary file is removed all the same
+            self._opened.__exit__(kind, error, traceback)
 
     def wants(self, table: str) -> bool:
         """Whether the rows of the table are kept."""
@@ -116,11 +113,10 @@ class ResultFile:
         except (OSError, RuntimeError) as error:
             raise cannot_write(self.path, error) from error
 
-    def _begin(self) -> None:
-        self._cleanup.callback(self._tmp.unlink, missing_ok=True)
+    def _begin(self, stack: contextlib.ExitStack) -> None:
         self._in_memory = set(self._wanted) <= set(rows.SHORT_TABLES)  # HDF5 may crash on a full disk
         self._file = _create(self._tmp, self._in_memory)
-        self._cleanup.callback(self._file.close)
+        stack.callback(self._file.close)
         attributes = self._file.attrs
         attributes["schema_version"] = rows.SCHEMA_VERSION
         attributes["wsnsim_version"] = __version__
@@ -156,27 +152,6 @@ class ResultFile:
         if self._in_memory:
             self._file.flush()
             self._tmp.write_bytes(self._file.id.get_file_image())
-        self._file.close()
-        _synchronise(self._tmp)
-        self._tmp.replace(self.path)
-        with contextlib.suppress(OSError):  # some file systems do not synchronise folders
-            _synchronise(self.path.parent)
-
-    def _discard(self) -> None:
-        """Close and remove the temporary file, which is removed even if closing fails on a full disk."""
-        with contextlib.suppress(OSError, RuntimeError):
-            self._cleanup.close()
-
-    @contextlib.contextmanager
-    def _complete_or_removed(self) -> Iterator[None]:
-        try:
-            yield
-        except (OSError, RuntimeError) as error:
-            self._discard()
-            raise cannot_write(self.path, error) from error
-        except BaseException:
-            self._discard()
-            raise
 
 
 def with_end(provenance: str) -> str:
@@ -204,14 +179,6 @@ def _put_text(file: h5py.File, name: str, text: str) -> None:
     if name in file:
         del file[name]
     file.create_dataset(name, data=text, dtype=h5py.string_dtype())
-
-
-def _synchronise(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 @final

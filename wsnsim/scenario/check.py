@@ -246,7 +246,11 @@ def _model_at(node: LocatedValue, path: Keys, role: Role, issues: list[Issue]) -
     if node.value is BROKEN or (written is not None and written.value is BROKEN):
         return None
     if not isinstance(node.value, dict):
-        written_kind = node.value if isinstance(node.value, str) and node.value in kinds(role.name) else None
+        written_kind = (
+            node.value
+            if isinstance(node.value, str) and (":" in node.value or node.value in kinds(role.name))
+            else None
+        )
         example = f"{{kind: {written_kind or role.default or role.kinds[0].kind}}}"
         example += f" or {role.name}.kind={written_kind}" if written_kind and node.spot.origin.name[:2] == "--" else ""
         issues.append(node.spot.issue(path, f"expected a mapping such as {example}, got {described(node.plain())}"))

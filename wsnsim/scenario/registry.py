@@ -201,6 +201,9 @@ def load_class(info: Kind) -> type[Any]:
             found = getattr(found, step)
     except (Exception, SystemExit) as error:  # whatever a plug-in's module may raise
         reason = plugin_fault(error) or f"{type(error).__name__}: {' '.join(str(error).split())}"
+        if isinstance(error, AttributeError) and error.obj is sys.modules.get(module, error):
+            classes = [each for each, value in vars(error.obj).items() if isinstance(value, type)]
+            reason = f"it has no class {error.name} ({did_you_mean(str(error.name), classes)})"
         if module == "__main__":
             reason = "worker processes cannot see a notebook's classes: give workers=0, or put it into a module"
         raise ImportError(f"{named} cannot be imported: {reason}") from error

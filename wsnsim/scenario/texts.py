@@ -22,6 +22,9 @@ from wsnsim.base.errors import Issue, dotted
 from wsnsim.base.files import read_regular, why_not_regular
 from wsnsim.scenario.registry import AT_TOP, Plugins
 
+DATA: Final = (".csv", ".gz", ".k7", ".xlsx", ".parquet", ".mat", ".gpx", ".geojson")
+"""Endings of files that `wsnsim import` reads."""
+FOLDER: Final = "is a folder, expected a scenario file, or that of a campaign in sweep, compare, watch and info"
 LARGEST_FILE: Final = 10_000_000
 SUFFIXES: Final = (".yaml", ".yml")
 HDF5_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"
@@ -109,9 +112,11 @@ def text_file(source: str | Path, folder: Path | None = None) -> TextFile:
 def content_of(path: Path) -> tuple[str | None, list[Issue]]:
     """Return the text of a file, or None and an issue if it cannot be read as text."""
     if path.is_dir():
-        return None, [Issue((), "is a folder, expected a scenario file", str(path))]
+        return None, [Issue((), FOLDER, str(path))]
     if reason := why_not_regular(path):
         return None, [Issue((), reason, str(path))]
+    if path.suffix.lower() in DATA:
+        return None, [Issue((), "is a file of data, not a scenario; `wsnsim import` reads such files", str(path))]
     try:
         raw = read_regular(path, LARGEST_FILE + 1)
     except OSError as error:

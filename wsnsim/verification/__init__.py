@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -90,8 +90,8 @@ def verify(path: str | Path, plugins: bool = False) -> Verification:
     origins = _commits(stored, here)
     if excuses:
         origins.append(f"origin with other {' and '.join(excuses)}: values may differ by rounding")
-    text = _text(path, ok, rows, faults, origins, compared, left)
-    return Verification(ok, text, tuple(rows), tuple(faults), compared, left)
+    found = Verification(ok, "", tuple(rows), tuple(faults), compared, left)
+    return replace(found, text=_text(path, found, compared, origins))
 
 
 def _replicates(path: Path, wanted: int, partial: bool) -> tuple[list[int], list[str]]:
@@ -161,21 +161,13 @@ def _commits(stored: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
     return [f"made by commit {before}, run again by {now}"] if before != now else []
 
 
-def _text(
-    path: Path,
-    ok: bool,
-    rows: Sequence[Mapping[str, Any]],
-    faults: Sequence[str],
-    origins: Sequence[str],
-    compared: Mapping[str, int],
-    left: Sequence[str],
-) -> str:
+def _text(path: Path, found: Verification, compared: Mapping[str, int], origins: Sequence[str]) -> str:
     """The answer in words."""
-    answer = "repeats" if len(left) <= LEAST_LEFT else "repeats as far as it could be compared"
-    lines = [f"{path}: " + (answer if ok else "DOES NOT REPEAT"), *(f"  {line}" for line in origins)]
-    lines += [f"  {fault}" for fault in faults] + list(map("  {}".format, _row_texts(rows)))
-    lines.append(f"  compared: {', '.join(f'{name} ({count} rows)' for name, count in compared.items())}")
-    return "\n".join([*lines, f"  not compared: {'; '.join(left)}"])
+    answer = "repeats" if len(found.left) <= LEAST_LEFT else "repeats as far as it could be compared"
+    sizes = ", ".join(f"{name} ({count} rows)" for name, count in compared.items())
+    details = [f"compared: {sizes}", f"not compared: {'; '.join(found.left)}"]
+    lines = [f"  {line}" for line in (*origins, *found.faults, *_row_texts(found.rows), *details)]
+    return "\n".join([f"{path}: {answer if found.ok else 'DOES NOT REPEAT'}", *lines])
 
 
 def _row_texts(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -23,9 +23,9 @@ def page() -> str:
     """Return the text of the page."""
     commands = every_command()
     rows = [
-        [purpose if name == names[0] else "", f"[{name}](#{name})", escaped(commands[name].get_short_help_str(100))]
+        ["" if number else purpose, f"[{name}](#{name})", escaped(commands[name].get_short_help_str(100))]
         for purpose, names in PURPOSES.items()
-        for name in names
+        for number, name in enumerate(names)
     ]
     return generated(
         "Commands",
