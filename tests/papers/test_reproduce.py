@@ -293,7 +293,7 @@ def test_markdown_has_a_row_for_each_claim_with_its_readings_and_nothing_in_them
     assert first[2] == f"1.5 to 3 | dependent on the reading {apart} |"
     assert second[2] == "1.5 [1, 2] | reproduced (our constant) |" and said[4] == ""
     assert said[5].startswith("- jiang2013: 1 printed number: 1 dependent on the reading; 1 derived (not counted)")
-    assert said[6].startswith("- (our constant): set by") and len(said) == 7
+    assert said[6].startswith("- (our constant): the value") and len(said) == 7
 
 
 def test_markdown_of_a_study_that_judges_nothing_has_all_its_rows_and_an_order_is_written_as_one():

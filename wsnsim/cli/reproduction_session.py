@@ -111,7 +111,7 @@ class ReproductionSession:
 
     def outcome(self, source: str, experiment: Experiment, rows: Sequence[ClaimRow]) -> str:
         """How an experiment, or the one figure, comes out, on how many runs, and how long the full number takes."""
-        name = self.only.replace("_", " ") if self.only else experiment.name
+        name = experiment.name if self.only in (None, experiment.name) else self.only.replace("_", " ")
         said = f"{study(source).name}, {name}: {outcome_line(rows)}; "
         planned, _, seconds = reproducing.run_counts(source, experiment, self.where)
         if self.full:

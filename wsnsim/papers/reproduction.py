@@ -30,7 +30,7 @@ BASES: Final[Mapping[Basis, str]] = {
     "evidence": "a result of the paper's method in the paper's set-up",
     "reconstruction": "of a method, or of measurements, that we rebuilt from a few words of the paper",
     "construction": "true by the construction of the method, whatever the data are",
-    "our constant": "set by a constant that the paper does not give and that we chose",
+    "our constant": "the value follows from a constant that the paper does not give and that we chose",
 }
 """What a claim rests on. Only claims that rest on evidence are counted."""
 NAN: Final = float("nan")
