@@ -120,9 +120,9 @@ class ReproductionSession:
         return f"{said}{experiment.quick} of {experiment.full} runs; `--full` makes all{self._time(whole, ' in')}"
 
     def _time(self, seconds: float, verb: str) -> str:
-        """How long so much processor time takes in words; '' if it is unknown, or none."""
+        """How long so much processor time takes in words; '' if it is unknown, or less than a second."""
         wall = seconds / (self.jobs or available_cores())
-        return f"{verb} about {duration(wall)}" if wall > 0.0 else ""
+        return f"{verb} about {duration(wall)}" if wall >= 1.0 else ""
 
     def print_answer(self, as_json: bool, markdown: bool) -> None:
         """Print the rows and lines of all experiments."""

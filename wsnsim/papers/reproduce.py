@@ -246,6 +246,7 @@ def draw(source: str, experiment: Experiment, folder: Path, into: Path) -> list[
     """Draw the figures of an experiment, whose campaign is in a folder, as INTO/STUDY_NAME.png."""
     from wsnsim.analysis.figure_style import write_figure
 
+    into.mkdir(parents=True, exist_ok=True)
     study = load_study(source)
     data, files = Data(Folder(folder), study), []
     for figure in experiment.figures:
