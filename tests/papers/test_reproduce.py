@@ -378,7 +378,12 @@ def test_of_a_figure_only_its_claims_and_its_picture_are_left():
     }
     assert not wheres["figure_2"] - {"figures 1 to 4"} and "text of figure 3" in wheres["figure_3_every_10_s"]
     ((_, own),) = reproduce.chosen(["late"], "late")
-    assert own.claims == study("late").experiments[0].claims, "a study's own figure is of all its claims"
+    assert own == study("late").experiments[0], "it has the name of its figure"
+    ((_, own),) = reproduce.chosen(["reality"], "residuals")
+    assert own.claims == study("reality").experiments[0].claims, "a study's own figure is of all its claims"
+    assert [figure.name for figure in own.figures] == ["residuals"]
+    ((_, own),) = reproduce.chosen(["reality"], "tracks")
+    assert [figure.name for figure in own.figures] == ["tracks", "residuals", "gap"]
 
 
 def test_no_experiment_is_named_twice_and_each_paper_has_its_pictures():

@@ -21,9 +21,7 @@ from wsnsim.cli.shared import PATH, group
 @click.option("--figures", type=PATH, metavar="DIR", help="Also draw the figures into this folder.")
 @click.option("--data", type=PATH, metavar="DIR", help="For `reality`: a folder of tracks with receivers.csv.")
 @click.option(
-    "--only",
-    metavar="NAME",
-    help="Run only this experiment, or that of a figure and print that figure's rows: figure_9.",
+    "--only", metavar="NAME", help="Only this experiment (table_2, ...), or the rows of one figure (figure_9, ...)."
 )
 @shared.jobs_option
 @shared.batch_option

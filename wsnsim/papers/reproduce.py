@@ -85,7 +85,7 @@ def _names(experiment: Experiment) -> set[str]:
 def _narrowed(experiment: Experiment, only: str) -> Experiment:
     """The experiment, or what is left of it for one of its figures: of `figure_9`, the claims on figure 9 alone."""
     figures = tuple(figure for figure in experiment.figures if figure.name == only)
-    if not figures:
+    if only == experiment.name or not figures:
         return experiment
     claims, number = experiment.claims, only.removeprefix("figure_").partition("_")[0]
     if number.isdecimal():
