@@ -43,7 +43,7 @@ NOT_COUNTED = re.compile(rf"^\| .* \| (\w+)[^|]* \(({'|'.join(OTHER_BASES)})\) \
 """A row of a claim that is not counted: its outcome, and what it rests on."""
 MAIN = {
     "jiang2013": r"\(figure [89]\) \|",
-    "li2012": r"300 < .*(median error of steps 1 to 20 \(|median delay at the main node|unnecessary wake-ups)",
+    "li2012": r"300: (median error of steps 1 to 20|median delay at the main node|unnecessary wake-ups[^|,]*) minus ",
 }
 """Rows of claims that are not counted and yet shown, since the paper is about them."""
 CAMPAIGNS = HOME / "results/reproduce/full"
@@ -85,7 +85,7 @@ def store_count(name: str, said: str) -> None:
 
 def shortened(name: str, said: str) -> str:
     """The claims of a paper that are counted or MAIN; of the others, how many have each outcome."""
-    lines = [line for line in said.splitlines() if not line.startswith(REGISTERED)]
+    lines = [line for line in said.splitlines() if not line.startswith((REGISTERED, f"- {name}, "))]
     apart = [line for line in lines if NOT_COUNTED.search(line) and not re.search(MAIN.get(name, "$^"), line)]
     others: dict[str, Counter[str]] = {}
     for found in filter(None, map(NOT_COUNTED.search, apart)):

@@ -22,7 +22,7 @@ PAPERS = ("jiang2013", "liu2012", "wei2022", "ruan2020", "li2012")
 OUTCOMES = ("reproduced", "contradicted", "undecided", "dependent")
 """The first words of the outcomes of claims."""
 WORDS = {"dependent": "dependent on the reading"}
-OUTCOME = re.compile(rf"(\d+) ({'|'.join(OUTCOMES)})[a-z ]*(?:\((\d+) of which)?")
+OUTCOME = re.compile(rf"(\d+) ({'|'.join(OUTCOMES)})[a-z ]*(?:\((\d+) out of reach)?")
 SLEEPING = "[radios that sleep](docs/duty_cycles.md)"
 COUNT_LINE = r"^- {}: (\d+ (?:printed|in words|derived).*); (\d+) readings? counted at most$"
 
@@ -48,7 +48,7 @@ def rows(name: str) -> Any:
 def counted(name: str) -> dict[str, Counter[str]]:
     """The claims of a paper by kind and outcome; without any where all its claims are reconstructions.
 
-    'never undecided' are those of them that no number of our runs could have reproduced.
+    'never undecided' are those of them that are out of reach.
     """
     found = re.search(COUNT_LINE.format(name), counted_lines(), re.MULTILINE)
     counts: dict[str, Counter[str]] = {kind: Counter() for kind in KINDS}

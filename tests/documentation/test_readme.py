@@ -51,8 +51,8 @@ def test_figures_of_results_are_taken_from_the_pages_as_they_stand():
 
 
 def test_outcomes_are_read_from_a_count_line_and_words_that_depend_on_the_reading_have_a_column(monkeypatch):
-    line = ("- wei2022: 9 printed numbers: 7 contradicted (3 of which no number of our runs could have reproduced), "
-            "2 undecided (1 of which no number of our runs could have reproduced); "
+    line = ("- wei2022: 9 printed numbers: 7 contradicted (3 out of reach), "
+            "2 undecided (1 out of reach); "
             "3 in words: 2 undecided, 1 dependent on the reading; 8 readings counted at most")  # fmt: skip
     monkeypatch.setattr(readme_results, "counted_lines", lambda: line)
     monkeypatch.setattr(readme_results, "PAPERS", ("wei2022",))

@@ -78,7 +78,7 @@ def test_undecided_and_contradicted_numbers_that_could_not_have_reproduced_are_t
     assert [claim_cells(claim)[-1] for claim in claims] == [
         "undecided, out of reach", "undecided", "contradicted, out of reach", "contradicted",
     ]  # fmt: skip
-    never = "(1 of which no number of our runs could have reproduced)"
+    never = "(1 out of reach)"
     assert f": 2 contradicted {never}, 2 undecided {never};" in count_line(claims)
     (either,) = counted_claims([rows[0], row(NARROW, experiment="another reading")])
     assert not either.undecidable

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shutil
 import signal
 import subprocess
@@ -25,6 +26,7 @@ from wsnsim.base import metrics
 from wsnsim.base.errors import UsageError
 from wsnsim.cli import main
 from wsnsim.papers import measures, reproduce, reproduction, table
+from wsnsim.papers.counts import outcome_line
 from wsnsim.papers.reproduction import Claim, ClaimRow, Experiment, Losses, Variant
 from wsnsim.papers.study import study
 from wsnsim.papers.verdicts import AstrayShare, Judgement
@@ -104,7 +106,7 @@ def test_rows_are_what_the_tables_of_the_campaign_hold(done):
     whole = (runs.loc["imsf", "losses"] == 0).to_numpy()
     assert kept.replicates == whole.sum()
     assert kept.measured == pytest.approx(metrics.time_mean_rmse(errors["imsf"][whole]), rel=1e-12)
-    order, beside = (row for row in found if row.quantity == "RMSE of a run below that of rkf (figure 1)")
+    order, beside = (row for row in found if row.quantity == "RMSE of a run minus that of rkf (figure 1)")
     between = metrics.time_mean_rmse(errors["ekf"]) - metrics.time_mean_rmse(errors["rkf"])
     assert order.measured == pytest.approx(between, rel=1e-12) and not order.paired
     pairs = runs.loc["ekf", "rmse"] - runs.loc["rkf", "rmse"]
@@ -197,14 +199,14 @@ def test_in_words_there_are_reasons_verdicts_and_the_rule(done, papers, capsys):
     what, where = "1 experiment of liu2012: 18 runs", "folder results/reproduce/quick"
     assert f"wsnsim: {what}, 18 of them on disk; {where}\n" in said.err
     assert "1 of 1: liu2012, small: two filters along a line, for tests\n" in said.err
-    assert (
-        "      because\n" in said.out and "  too few runs: a median needs 30 runs, a mean or an RMSE 200;" in said.out
-    )
+    assert "      because\n" in said.out and "  too few runs: however far it is from the published value" in said.out
     assert (
         "liu2012: 3 printed numbers: " in said.out
-        and "liu2012: 1 not counted, repairs and other readings: " in said.out
+        and "not counted (a repair or another reading of the paper)" in " ".join(said.out.split())
     )
-    assert "~ not strict here" in said.out and "published about 0.6;" in said.out
+    assert "(per_trajectory, not strict)" in said.out and "published about 0.6;" in said.out
+    last = re.findall("^liu2012, small: .*", said.out, re.MULTILINE)[-1]
+    assert re.search(r"undecided, 5 counted; 6 of 8 runs; `--full` makes all( in about \d+ s)?$", last)
 
 
 @pytest.mark.thorough
@@ -223,7 +225,10 @@ def test_progress_that_cannot_be_printed_ends_no_reproduction(done, papers, monk
         (["liu2021"], "there is no paper or study 'liu2021' (did you mean 'liu2012'?)"),
         (["liu2012", "--only", "smal"], "liu2012 has no experiment 'smal' (did you mean 'small'?)"),
         (["liu2012", "--json", "--markdown"], "cannot be combined"),
-        (["liu2012", "--figures", "file/figures"], "--figures file/figures"),
+        (["liu2012", "--quick", "--full"], "--quick cannot be combined with --full"),
+        (["liu2012", "--figures", "file"], "--figures file is a file; give a folder"),
+        (["liu2012", "--figures", "file/figures"], "--figures file/figures: folder does not exist: file"),
+        (["liu2012", "--figures", "no/figures"], "--figures no/figures: folder does not exist: no"),
         (["liu2012", "-o", "file/results"], "file/results"),
         (["liu2012", "-j", "0"], "0 is not in the range"),
     ],
@@ -235,7 +240,7 @@ def test_what_cannot_be_is_refused_before_anything_runs(arguments, words, monkey
     Path("file").write_text("no folder")
     assert main(["reproduce", "--progress", "none", *arguments]) == 2
     assert words in capsys.readouterr().err
-    assert not list(tmp_path.rglob("*.h5"))
+    assert not list(tmp_path.rglob("*.h5")) and {path.name for path in tmp_path.iterdir()} == {"file"}
 
 
 @pytest.mark.thorough
@@ -283,55 +288,51 @@ def test_markdown_has_a_row_for_each_claim_with_its_readings_and_nothing_in_them
     derived, ours = row(where="from table 1"), row(id="x", key="a_b", basis="our constant")
     said = table.markdown([row(), again, *silent, derived, ours]).splitlines()
     first, second = (line.partition(" (figure 9) | 2 | ") for line in said[2:4])
-    assert first[0] == r"| pso\_mhpf: RMSE, m" and second[0] == r"| a\_b: RMSE, m"
+    assert first[0] == r"| a\_b: RMSE, m" and second[0] == r"| a\_b: RMSE, m"
     apart = "(reproduced under 1 of 2, contradicted under 1 of 2)"
     assert first[2] == f"1.5 to 3 | dependent on the reading {apart} |"
     assert second[2] == "1.5 [1, 2] | reproduced (our constant) |" and said[4] == ""
     assert said[5].startswith("- jiang2013: 1 printed number: 1 dependent on the reading; 1 derived (not counted)")
-    assert said[6].startswith("- (our constant): set by") and len(said) == 7
+    assert said[6].startswith("- (our constant): the value") and len(said) == 7
 
 
 def test_markdown_of_a_study_that_judges_nothing_has_all_its_rows_and_an_order_is_written_as_one():
     said = table.markdown([row(judgement=Judgement("not published"))], ["registered: yes"])
     assert "| not published |" in said and said.endswith("- registered: yes")
-    order = row(quantity="RMSE below that of b (figure 1)", key="a < b", variant="a", published=NAN)
-    assert "| a < b: RMSE (figure 1) | - |" in table.markdown([order])
-    share = row(quantity="share by which it is below that of b", key="a", variant="a")
-    assert "| a: share by which it is below that of b | 2 |" in table.markdown([share])
+    claim = Claim("RMSE, m", "a", "rmse", where="figure 1", other="b")
+    order = row(quantity=claim.label, key=claim.key, variant="a", published=NAN)
+    assert "| a: RMSE minus that of b, m (figure 1) | below 0 |" in table.markdown([order])
+    assert "a: RMSE minus that of b, m (figure 1): reproduces\n    published below 0;" in table.text([order])
 
 
 def test_a_bound_that_is_not_strict_is_marked_in_the_table_and_its_caution_stands_beneath():
     careful = row(bound_kind="unconditional, not strict", caution="one; two")
     said = table.text([careful, row(bound=NAN, bound_kind="", published=NAN, judgement=Judgement("not published"))])
-    assert "~0.5 u" in said and said.count("of the bound: ") == 2
+    assert "bound 0.5 (unconditional, not strict)" in " ".join(said.split()) and said.count("of the bound: ") == 2
     assert "…" not in said and max(map(len, said.splitlines())) <= 100, "whole cells, in lines of a terminal"
     assert table.text([]) == ""
 
 
 def test_runs_behind_a_published_value_that_we_assume_are_shown_as_assumed():
     said = [row(published_runs=100, published_runs_assumed=assumed, replicates=200) for assumed in (True, False)]
-    assert [table.cells(each)[table.HEADS.index("runs")] for each in said] == ["200 / 100 assumed", "200 / 100"]
-    assert [any("assumed: the paper does not" in line for line in table.legend([each])) for each in said] == [
-        True,
-        False,
-    ]
-    assert table.cells(row(published_runs_assumed=True))[table.HEADS.index("runs")].isdigit()
+    expected = ["200 (paper: 100, which we assume)", "200 (paper: 100)"]
+    assert [table.cells(each)["runs"] for each in said] == expected
+    assert table.cells(row(published_runs_assumed=True))["runs"].isdigit()
 
 
 def test_a_row_shows_its_statistic_its_runs_the_share_astray_and_what_it_rests_on():
     full = row(
-        statistic="mean over runs", short="mean", published_runs=50, replicates=200, losses=Losses(1.5),
+        statistic="mean over runs", published_runs=50, replicates=200, losses=Losses(1.5),
         astray=AstrayShare(0.02, 0.001, 0.07), basis="reconstruction", judgement=Judgement("compatible", 0.6, 1.25),
     )  # fmt: skip
-    found = dict(zip(table.HEADS, table.cells(full), strict=True))
-    assert found["statistic"] == "mean" and found["runs"] == "200 / 50"
-    assert found["astray"] == "2 % [0.1, 7]" and found["lost"] == "10 % (1.5 re-acq.)"
-    assert found["verdict"] == "compatible within x 1.67 (reconstruction)"
+    found = table.cells(full)
+    assert found["statistic"] == "mean over runs" and found["runs"] == "200 (paper: 50)"
+    assert found["astray (above 5 times the median)"] == "2 % [0.1, 7]"
+    assert found["lost at any time"] == "10 % of runs (1.5 re-acquisitions a run)"
+    assert ": compatible within x 1.67, not counted (reconstruction)\n" in table.text([full])
     said = "\n".join(table.legend([full]))
-    assert all(
-        f"  {word}" in said
-        for word in ("mean: mean over runs", "(reconstruction):", "runs:", "astray:", "lost:", "compatible:")
-    )
+    assert all(f"  {word}: " in said for word in ("(reconstruction)", "bound", "compatible"))
+    assert "not strict" not in said and "about: " not in said, "what does not occur"
 
 
 def test_when_a_track_is_lost_stands_below_every_table_with_shares_of_lost_runs():
@@ -344,8 +345,9 @@ def test_when_a_track_is_lost_stands_below_every_table_with_shares_of_lost_runs(
 
 def test_a_value_that_no_run_has_is_said_to_be_unknown_in_its_row_and_in_reasons():
     nowhere = row(measured=NAN, low=NAN, high=NAN, replicates=0, lost_fraction=1.0, judgement=Judgement("too few runs"))
-    found = dict(zip(table.HEADS, table.cells(nowhere), strict=True))
-    assert found["measured [95 %]"] == "no value in any run" and found["lost"] == "100 %" and found["runs"] == "0"
+    found = table.cells(nowhere)
+    assert found["measured [95 %]"] == "no value in any run" and found["runs"] == "0"
+    assert found["lost at any time"] == "100 %"
     words = reproduction.rendered("{x[a].measured:.1f} m against {row.measured:.1f} m", nowhere, {"x": {"a": row()}})
     assert words == "1.5 m against unknown m"
 
@@ -353,12 +355,35 @@ def test_a_value_that_no_run_has_is_said_to_be_unknown_in_its_row_and_in_reasons
 def test_rows_are_counted_by_what_they_rest_on():
     bases = ["evidence", "evidence", "reconstruction", "construction", "our constant"]
     rows = [*(row(basis=basis) for basis in bases), row(literal=False), row(paired=True)]
-    said = table.text(rows)
-    for words in ("1 printed number", "1 not counted, reconstruction", "1 not counted, construction",
-                  "1 not counted, our constant", "1 not counted, repairs and other readings"):  # fmt: skip
-        assert f"jiang2013: {words}: " in said
-    assert "2 readings counted at most" in said, "rows of the same number"
-    assert said.count("1 x reproduces") == 4 and [one.counted for one in rows] == [True, True, *[False] * 5]
+    said = " ".join(table.text(rows).split())
+    assert "jiang2013: 1 printed number: " in said and "2 readings counted at most" in said, "rows of the same number"
+    for why in (*bases[2:], "a repair or another reading of the paper", "paired by run, not as published"):
+        assert said.count(f"reproduces, not counted ({why})") == 1
+    assert [one.counted for one in rows] == [True, True, *[False] * 5]
+    assert outcome_line(rows) == "4 reproduced, 1 counted" and outcome_line(rows[2:3]) == "1 reproduced, none counted"
+    assert outcome_line(rows[-1:]) == "nothing is judged"
+
+
+def test_of_a_figure_only_its_claims_and_its_picture_are_left():
+    ((_, found),) = reproduce.chosen(["jiang2013"], "figure_9")
+    assert (found.name, [figure.name for figure in found.figures]) == ("figures_4_to_9", ["figure_9"])
+    shown = [claim for claim in found.claims if claim.shown]
+    assert {claim.where for claim in shown} == {"figure 9"} and len(shown) == 6
+    whole = study("jiang2013").experiments[0]
+    assert len(found.claims) == len(whole.claims) and found.variants == whole.variants, "reasons name other rows"
+    assert reproduce.chosen(["jiang2013"], "figures_4_to_9") == [("jiang2013", whole)]
+    wheres = {
+        name: {claim.where for _, one in reproduce.chosen([paper], name) for claim in one.claims if claim.shown}
+        for paper, name in (("jiang2013", "figure_2"), ("wei2022", "figure_2"), ("li2012", "figure_3_every_10_s"))
+    }
+    assert not wheres["figure_2"] - {"figures 1 to 4"} and "text of figure 3" in wheres["figure_3_every_10_s"]
+    ((_, own),) = reproduce.chosen(["late"], "late")
+    assert own == study("late").experiments[0], "it has the name of its figure"
+    ((_, own),) = reproduce.chosen(["reality"], "residuals")
+    assert own.claims == study("reality").experiments[0].claims, "a study's own figure is of all its claims"
+    assert [figure.name for figure in own.figures] == ["residuals"]
+    ((_, own),) = reproduce.chosen(["reality"], "tracks")
+    assert [figure.name for figure in own.figures] == ["tracks", "residuals", "gap"]
 
 
 def test_no_experiment_is_named_twice_and_each_paper_has_its_pictures():

@@ -71,7 +71,7 @@ def test_a_folder_is_run_resumed_and_answered(mine, monkeypatch, capsys):
     assert main(["reproduce", "mine/", "--progress", "none"]) == 0
     said = capsys.readouterr()
     assert "wsnsim: 1 experiment of mine: 10 runs; folder results/reproduce/quick\n" in said.err
-    assert "registered more is better: yes, " in said.out and said.out.count("  steps, ") == 2
+    assert "registered more is better: yes, " in said.out and said.out.count(": steps: ") == 2
     files = {path: path.stat().st_mtime_ns for path in Path("results").rglob("*.h5")}
     assert main(["reproduce", "mine/study.yaml", "--progress", "none", "--markdown"]) == 0
     said = capsys.readouterr()

@@ -229,7 +229,7 @@ NOTHING = {
 }
 
 
-@pytest.mark.parametrize("statistic", STATISTICS, ids=lambda one: one.key)
+@pytest.mark.parametrize("statistic", STATISTICS, ids=lambda one: one.words)
 @pytest.mark.parametrize("shapes", NOTHING.values(), ids=NOTHING.keys())
 def test_a_statistic_of_nothing_is_unknown_and_too_few_runs_for_any_verdict(shapes, statistic):
     found = sample(np.full(shapes[statistic in OF_ERRORS], NAN), statistic)
@@ -241,7 +241,7 @@ def test_a_statistic_of_nothing_is_unknown_and_too_few_runs_for_any_verdict(shap
             assert judged_order(unknown, exact).verdict == judged_value(unknown, published).verdict == "too few runs"
 
 
-@pytest.mark.parametrize("statistic", STATISTICS, ids=lambda one: one.key)
+@pytest.mark.parametrize("statistic", STATISTICS, ids=lambda one: one.words)
 def test_a_statistic_of_one_run_is_that_run_without_an_interval(statistic):
     found = sample(np.full((1, 1, 5) if statistic in OF_ERRORS else (1, 1), 2.0), statistic)
     assert value(found) == value(median_of_runs(found)) == found.per_run == 2.0

@@ -14,19 +14,14 @@ from wsnsim.cli.shared import PATH, group
 
 @group.command()
 @click.argument("sources", metavar="[STUDY]...", nargs=-1)
-@click.option(
-    "--quick/--full",
-    "quick",
-    default=True,
-    show_default=True,
-    help="Few runs, or enough for verdicts (200 for a mean).",
-)
+@click.option("--quick", is_flag=True, help="Few runs: the default.")
+@click.option("--full", is_flag=True, help="Runs enough for verdicts: 200 for a mean.")
 @click.option("--out", "-o", type=PATH, default=Path("results/reproduce"), show_default=True, metavar="DIR",
               help="Folder of the campaigns.")  # fmt: skip
 @click.option("--figures", type=PATH, metavar="DIR", help="Also draw the figures into this folder.")
 @click.option("--data", type=PATH, metavar="DIR", help="For `reality`: a folder of tracks with receivers.csv.")
 @click.option(
-    "--only", metavar="EXPERIMENT", help="Run only this experiment, or that of a figure: table_2, figure_9, ..."
+    "--only", metavar="NAME", help="Only this experiment (table_2, ...), or the rows of one figure (figure_9, ...)."
 )
 @shared.jobs_option
 @shared.batch_option
@@ -36,9 +31,9 @@ from wsnsim.cli.shared import PATH, group
 @shared.quiet_option
 @shared.progress_option
 @click.pass_obj
-def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, out: Path, figures: Path | None,
-              data: Path | None, only: str | None, jobs: int | None, batch: bool, accept_code_change: bool,
-              as_json: bool, markdown: bool, quiet: bool, progress: str) -> int:  # fmt: skip
+def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, full: bool, out: Path,
+              figures: Path | None, data: Path | None, only: str | None, jobs: int | None, batch: bool,
+              accept_code_change: bool, as_json: bool, markdown: bool, quiet: bool, progress: str) -> int:  # fmt: skip
     """Run papers and studies; judge values, answer hypotheses.
 
     STUDY is a folder with study.yaml (`wsnsim new --for study NAME` writes one), or a paper: jiang2013, liu2012,
@@ -52,22 +47,35 @@ def reproduce(interrupts: Interrupts, sources: tuple[str, ...], quick: bool, out
     1 to 8 bits save, `late` what readings are worth that miss their step. `association` asks what finding out whose
     detections are costs, and what loss does to it; `headless` what it costs to need no cluster head.
     """
-    from wsnsim.campaign.folders import demand_writable
     from wsnsim.cli.reproduction_session import ReproductionSession
     from wsnsim.papers import reproduce as reproducing
 
+    if quick and full:
+        raise UsageError("--quick cannot be combined with --full")
     if as_json and markdown:
         raise UsageError("--json cannot be combined with --markdown")
     if data is not None and only is not None:
         raise UsageError("--only cannot be combined with --data")
     chosen = reproducing.chosen(sources, only) if data is None else reproducing.on_data(sources, data)
     if figures:
-        demand_writable(figures, "--figures ")
-    where = out / ("quick" if quick else "full")
-    session = ReproductionSession(where, jobs, not quick, batch, quiet, progress, figures)
+        _demand_folder(figures)
+    session = ReproductionSession(
+        out / ("full" if full else "quick"), jobs, full, batch, quiet, progress, figures, only
+    )
     session.begin_all(chosen, accept_code_change)
     session.announce(chosen)
     code = session.run_all(chosen, interrupts)
     if not interrupts.number:
         session.print_answer(as_json, markdown)
     return code
+
+
+def _demand_folder(figures: Path) -> None:
+    """Create the folder of the figures in one that exists. Raises UsageError."""
+    from wsnsim.campaign.folders import demand_writable
+
+    if figures.exists() and not figures.is_dir():
+        raise UsageError(f"--figures {figures} is a file; give a folder")
+    if not figures.parent.is_dir():
+        raise UsageError(f"--figures {figures}: folder does not exist: {figures.parent}")
+    demand_writable(figures, "--figures ")

@@ -8,14 +8,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from wsnsim.analysis.phrases import fitting
 from wsnsim.base.errors import ResultError, counted
 from wsnsim.campaign import CampaignOutcome
+from wsnsim.campaign.engines import available_cores
 from wsnsim.cli.interrupts import Interrupts
-from wsnsim.cli.progress import CAMPAIGN, display
+from wsnsim.cli.progress import CAMPAIGN, display, duration
 from wsnsim.cli.shared import INCOMPLETE, echo, echo_json
 from wsnsim.papers import reproduce as reproducing
 from wsnsim.papers import table
-from wsnsim.papers.reproduction import ClaimRow, Experiment
+from wsnsim.papers.counts import outcome_line
+from wsnsim.papers.reproduction import NAN, ClaimRow, Experiment
 from wsnsim.papers.study import study
 from wsnsim.recording.folder import Folder
 
@@ -34,8 +37,10 @@ class ReproductionSession:
     quiet: bool
     progress: str
     figures: Path | None
+    only: str | None
     rows: list[ClaimRow] = field(default_factory=list)
     lines: list[str] = field(default_factory=list)
+    outcomes: list[str] = field(default_factory=list)
 
     def begin_all(self, chosen: Sequence[tuple[str, Experiment]], accept_code_change: bool) -> None:
         """Begin all campaigns before one runs, so that a folder that cannot be used is found at once."""
@@ -43,14 +48,20 @@ class ReproductionSession:
             reproducing.begin(source, experiment, self.where, self.full, accept_code_change)
 
     def announce(self, chosen: Sequence[tuple[str, Experiment]]) -> None:
-        """Print what will be run: experiments, their studies, runs, those that are on disk, and where."""
+        """Print what will be run: experiments, their studies, runs, those that are on disk, how long, and where."""
         if self.quiet or self.progress == "json":
             return
-        wanted, missing = reproducing.run_counts(chosen, self.where)
+        counts = [reproducing.run_counts(source, experiment, self.where) for source, experiment in chosen]
+        wanted, missing = sum(planned for planned, _, _ in counts), sum(missing for _, missing, _ in counts)
         names = ", ".join(dict.fromkeys(study(source).name for source, _ in chosen))
         there = f", {wanted - missing:,} of them on disk" if missing < wanted else ""
+        there += self._time(sum(missing * seconds for _, missing, seconds in counts if missing), "; the others take")
         echo(f"wsnsim: {counted(len(chosen), 'experiment')} of {names}: {counted(wanted, 'run')}{there}; "
              f"folder {self.where}", err=True)  # fmt: skip
+        for _, experiment in chosen:
+            if self.only not in (None, experiment.name):
+                echo(f"wsnsim: {self.only} is drawn from the runs of {experiment.name}; --only {experiment.name} "
+                     "prints all rows and draws all figures of these", err=True)  # fmt: skip
         for line in reproducing.registrations(chosen, self.where):
             echo(f"wsnsim: {line}", err=True)
 
@@ -93,18 +104,35 @@ class ReproductionSession:
             rows, lines = reproducing.evaluated(source, experiment, folder)
         self.rows.extend(rows)
         self.lines.extend(lines)
+        self.outcomes.append(self.outcome(source, experiment, rows))
         if self.figures:
             for figure in reproducing.draw(source, experiment, folder, self.figures):
                 echo(f"wsnsim: {figure}", err=True)
+
+    def outcome(self, source: str, experiment: Experiment, rows: Sequence[ClaimRow]) -> str:
+        """How an experiment, or the one figure, comes out, on how many runs, and how long the full number takes."""
+        name = experiment.name if self.only in (None, experiment.name) else self.only.replace("_", " ")
+        said = f"{study(source).name}, {name}: {outcome_line(rows)}; "
+        planned, _, seconds = reproducing.run_counts(source, experiment, self.where)
+        if self.full:
+            return f"{said}{experiment.full} runs of each variant"
+        whole = NAN if experiment.quick_sets else planned / experiment.quick * experiment.full * seconds
+        return f"{said}{experiment.quick} of {experiment.full} runs; `--full` makes all{self._time(whole, ' in')}"
+
+    def _time(self, seconds: float, verb: str) -> str:
+        """How long so much processor time takes in words; '' if it is unknown, or less than a second."""
+        wall = seconds / (self.jobs or available_cores())
+        return f"{verb} about {duration(wall)}" if wall >= 1.0 else ""
 
     def print_answer(self, as_json: bool, markdown: bool) -> None:
         """Print the rows and lines of all experiments."""
         if as_json:
             echo_json({"rows": [reproducing.as_json(row) for row in self.rows], "lines": self.lines})
         elif markdown:
-            echo(table.markdown(self.rows, self.lines))
+            echo(table.markdown(self.rows, [*self.outcomes, *self.lines]))
         else:
-            echo("\n\n".join(filter(None, [table.text(self.rows), "\n".join(self.lines)])))
+            pieces = [table.text(self.rows), "\n".join(self.lines), fitting(self.outcomes, "    ")]
+            echo("\n\n".join(filter(None, pieces)))
 
 
 def _print_incomplete(folder: Path, outcome: CampaignOutcome) -> None:

@@ -3,6 +3,7 @@
     judged_claims(rows) -> [CountedClaim, ...]    claims with the rows that are readings of them
     counted_claims(rows) -> [CountedClaim, ...]   those of evidence
     count_line(claims) -> str                     of the claims of one paper
+    stated_claims(rows), outcome_line(rows)       the same without derived ones, whether they are counted or not
 
 Rows of one paper, place (`where`), quantity and variant in several experiments are readings of one claim. What follows
 from two printed numbers (a place "from table 1"; an order of two values of a table) is derived, and not counted.
@@ -16,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple, get_args
 
 from wsnsim.papers.reproduction import FROM, LESS_THAN, ClaimRow
-from wsnsim.papers.verdicts import Verdict
+from wsnsim.papers.verdicts import OUT_OF_REACH, Verdict
 
 Kind = Literal["printed numbers", "in words", "derived (not counted)"]
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
@@ -27,8 +28,6 @@ OUTCOMES: Final[Mapping[Verdict, Outcome]] = {
     **dict.fromkeys(("within a factor of two", "does not reproduce", "cannot: beyond the bound"), "contradicted"),
 }
 """What each verdict says of a claim; the others say nothing."""
-NEVER: Final = "of which no number of our runs could have reproduced"
-"""Said of how many claims of an outcome are undecidable."""
 
 
 class CountedClaim(NamedTuple):
@@ -68,6 +67,21 @@ def judged_claims(rows: Sequence[ClaimRow]) -> list[CountedClaim]:
     return [CountedClaim(kind_of(readings[0]), tuple(readings)) for readings in claims.values()]
 
 
+def stated_claims(rows: Sequence[ClaimRow]) -> list[CountedClaim]:
+    """The claims that rows are about, counted or not, without derived ones."""
+    return [claim for claim in judged_claims(rows) if not claim.kind.startswith("derived")]
+
+
+def outcome_line(rows: Sequence[ClaimRow]) -> str:
+    """How many of the stated claims have each outcome, and how many of them are counted."""
+    claims = stated_claims(rows)
+    found = Counter(claim.outcome for claim in claims)
+    said = ", ".join(f"{found[outcome]} {outcome}" for outcome in get_args(Outcome) if found[outcome])
+    return (
+        f"{said}, {sum(claim.rows[0].counted for claim in claims) or 'none'} counted" if said else "nothing is judged"
+    )
+
+
 def counted_claims(rows: Sequence[ClaimRow]) -> list[CountedClaim]:
     """The claims that rows of evidence are about."""
     return judged_claims([row for row in rows if row.counted])
@@ -94,7 +108,7 @@ def _part(kind: Kind, claims: Sequence[CountedClaim]) -> str:
     found = Counter(claim.outcome for claim in claims)
     never = Counter(claim.outcome for claim in claims if claim.undecidable)
     outcomes = [
-        f"{found[outcome]} {outcome}" + (f" ({never[outcome]} {NEVER})" if never[outcome] else "")
+        f"{found[outcome]} {outcome}" + (f" ({never[outcome]} {OUT_OF_REACH})" if never[outcome] else "")
         for outcome in get_args(Outcome) if found[outcome]
     ]  # fmt: skip
     words = kind.replace("numbers", "number") if len(claims) == 1 else kind

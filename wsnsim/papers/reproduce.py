@@ -19,12 +19,13 @@ from pathlib import Path
 from typing import Any
 
 import wsnsim.campaign as campaign
+from wsnsim.analysis import campaigns
 from wsnsim.base.errors import ScenarioError, UsageError, did_you_mean
 from wsnsim.base.runs import tracked
 from wsnsim.campaign.engines import LocalEngine, available_cores
 from wsnsim.papers.counts import kind_of
 from wsnsim.papers.measures import VARIANT, Data
-from wsnsim.papers.reproduction import ClaimRow, Experiment, Variant, rendered, row_of
+from wsnsim.papers.reproduction import FROM, NAN, ClaimRow, Experiment, Variant, rendered, row_of
 from wsnsim.papers.rows import answered, rows_of
 from wsnsim.papers.study import PAGES, PAPERS, Study
 from wsnsim.papers.study import study as load_study
@@ -57,6 +58,8 @@ def on_data(sources: Sequence[str], data: Path) -> list[tuple[str, Experiment]]:
 def chosen(sources: Sequence[str], only: str | None = None) -> list[tuple[str, Experiment]]:
     """(study, experiment) of each experiment of these studies, or of all papers; with `only`, of those of that name.
 
+    Of an experiment that is named by one of its figures, that figure and the claims on it are left.
+
     Raises:
         UsageError: a study does not exist, two have one name, or one of them has no experiment `only`.
     """
@@ -71,12 +74,31 @@ def chosen(sources: Sequence[str], only: str | None = None) -> list[tuple[str, E
     for papers, ones in named or [("the papers have", tuple([experiment for _, experiment in found]))]:
         if only not in (known := set().union(*map(_names, ones))):
             raise UsageError(f"{papers} no experiment '{only}' ({did_you_mean(only, known)})")
-    return [(source, experiment) for source, experiment in found if only in _names(experiment)]
+    return [(source, _narrowed(experiment, only)) for source, experiment in found if only in _names(experiment)]
 
 
 def _names(experiment: Experiment) -> set[str]:
     """The names by which an experiment can be chosen: its own, and those of the figures that it draws."""
     return {experiment.name, *(figure.name for figure in experiment.figures)}
+
+
+def _narrowed(experiment: Experiment, only: str) -> Experiment:
+    """The experiment, or what is left of it for one of its figures: of `figure_9`, the claims on figure 9 alone."""
+    figures = tuple(figure for figure in experiment.figures if figure.name == only)
+    if only == experiment.name or not figures:
+        return experiment
+    claims, number = experiment.claims, only.removeprefix("figure_").partition("_")[0]
+    if number.isdecimal():
+        kept = [claim.shown and claim.literal and _is_on(claim.where, int(number)) for claim in claims]
+        claims = tuple(replace(claim, shown=shown) for claim, shown in zip(claims, kept, strict=True))
+    return replace(experiment, figures=figures, claims=claims)
+
+
+def _is_on(where: str, figure: int) -> bool:
+    """Whether a place is on a figure: 'text of figure 9' and 'figures 1 to 4' are; 'from figure 9' is not."""
+    words = where.removeprefix(FROM + "figure").partition("figure")[2].replace(",", " ").replace(":", " ").split()
+    numbers = [int(word) for word in words if word.isdecimal()]
+    return bool(numbers) and min(numbers) <= figure <= max(numbers)
 
 
 def plan(source: str, experiment: Experiment, full: bool = False) -> Plan:
@@ -127,14 +149,17 @@ def begin(
     )
 
 
-def run_counts(chosen: Sequence[tuple[str, Experiment]], where: Path) -> tuple[int, int]:
-    """(planned, missing) numbers of runs of the experiments."""
-    wanted = missing = 0
-    for folder in (Folder(folder_of(where, source, experiment)) for source, experiment in chosen):
-        for point in folder.manifest().points:
-            wanted += point.replicates
-            missing += len(folder.missing(point.id, point.replicates))
-    return wanted, missing
+def run_counts(source: str, experiment: Experiment, where: Path) -> tuple[int, int, float]:
+    """The numbers of runs of an experiment that are planned and that are missing, and the mean time of a run.
+
+    It is the processor time (s) of those on disk, NaN without any.
+    """
+    folder = Folder(folder_of(where, source, experiment))
+    points = folder.manifest().points
+    planned = sum(point.replicates for point in points)
+    missing = sum(len(folder.missing(point.id, point.replicates)) for point in points)
+    seconds = campaigns.read(folder.path, "runs", ["cpu_seconds"])["cpu_seconds"].mean() if missing < planned else NAN
+    return planned, missing, float(seconds)
 
 
 def registrations(chosen: Sequence[tuple[str, Experiment]], where: Path) -> list[str]:
@@ -234,7 +259,7 @@ def draw(source: str, experiment: Experiment, folder: Path, into: Path) -> list[
 
 def as_json(row: ClaimRow) -> dict[str, Any]:
     """A row as plain values: its verdict with the ratio, shares and medians with their intervals."""
-    nested = ("title", "id", "key", "short", "judgement", "astray", "median", "losses")
+    nested = ("title", "id", "key", "judgement", "astray", "median", "losses")
     return {
         **{name: value for name, value in vars(row).items() if name not in nested},
         "kind": kind_of(row),

@@ -30,7 +30,7 @@ BASES: Final[Mapping[Basis, str]] = {
     "evidence": "a result of the paper's method in the paper's set-up",
     "reconstruction": "of a method, or of measurements, that we rebuilt from a few words of the paper",
     "construction": "true by the construction of the method, whatever the data are",
-    "our constant": "set by a constant that the paper does not give and that we chose",
+    "our constant": "the value follows from a constant that the paper does not give and that we chose",
 }
 """What a claim rests on. Only claims that rest on evidence are counted."""
 NAN: Final = float("nan")
@@ -93,8 +93,9 @@ class Claim:
     @property
     def label(self) -> str:
         """The row's quantity, of an order with the other variant, and where the paper prints it."""
-        compared = f" below that of {self.other}" if self.other else ""
-        return self.quantity + compared + (f" ({self.where})" if self.where else "")
+        name, *unit = self.quantity.rsplit(", ", 1)
+        compared = ", ".join([f"{name} minus that of {self.other}", *unit]) if self.other else self.quantity
+        return compared + (f" ({self.where})" if self.where else "")
 
     @property
     def key(self) -> str:
@@ -180,7 +181,6 @@ class ClaimRow:
 
     Attributes:
         statistic: the statistic over runs, in words.
-        short: the same in short, for a table.
         published_runs: the runs behind the published value; 0 if it has no Monte Carlo error, or if there is none.
         published_runs_assumed: True if this number is our assumption.
         judgement: the verdict, and the interval of measured / published.
@@ -208,7 +208,6 @@ class ClaimRow:
     literal: bool = True
     basis: Basis = "evidence"
     statistic: str = ""
-    short: str = ""
     published_runs: int = 0
     published_runs_assumed: bool = False
     astray: AstrayShare = NO_SHARE

@@ -28,14 +28,12 @@ class Statistic:
     """A statistic over runs.
 
     Attributes:
-        key: the statistic in short.
         words: the statistic in words.
         weighted: the function (rows, weights) -> (draws, ...).
         per_run: the function rows -> (n, ...): the value of each run by itself.
         robust: whether a few runs cannot move it far.
     """
 
-    key: str
     words: str
     weighted: Callable[[Any, Floats], Floats]
     per_run: Callable[[Any], Floats]
@@ -88,7 +86,6 @@ def compared(one: Sample, other: Sample, combine: Callable[[Floats, Floats], Flo
             return combine(of(one.among(common[places])), of(other.among(common[places])))
 
     statistic = Statistic(
-        f"{word}, {one.statistic.key}",
         f"{word} of two: {one.statistic.words}",
         lambda places, weights: combined(lambda sample: sample.at(weights), places),
         lambda places: combined(lambda sample: sample.per_run, places),
@@ -192,22 +189,22 @@ def _steps_in_line(rows: Floats) -> Floats:
     return rows.reshape(len(rows), rows.shape[1] * rows.shape[2], *rows.shape[3:])
 
 
-MEAN: Final = Statistic("mean", "mean over runs", _mean, _mean_of_each)
+MEAN: Final = Statistic("mean over runs", _mean, _mean_of_each)
 """Of rows (n, tracks)."""
-SHARE: Final = Statistic("share", "share of runs", _mean, _mean_of_each)
+SHARE: Final = Statistic("share of runs", _mean, _mean_of_each)
 """Of rows (n, 1) that are 0 or 1."""
-MEDIAN: Final = Statistic("median", "median over runs", _median, _median_of_each, robust=True)
+MEDIAN: Final = Statistic("median over runs", _median, _median_of_each, robust=True)
 """Of rows (n, tracks)."""
 MEDIAN_OF_RUNS: Final = Statistic(
-    "median of runs", "median of the runs, of a difference paired by run", _median, _median_of_each, robust=True
+    "median of the runs, of a difference paired by run", _median, _median_of_each, robust=True
 )
-TRACKS_MEAN: Final = Statistic("track mean", "mean over tracks", _mean, _mean_of_each)
-TRACKS_MEDIAN: Final = Statistic("track median", "median over tracks", _median, _median_of_each, robust=True)
-TIME_MEAN_RMSE: Final = Statistic("rmse", "RMSE over runs, mean over steps", _time_mean_rmse, _rmse_of_each)
+TRACKS_MEAN: Final = Statistic("mean over tracks", _mean, _mean_of_each)
+TRACKS_MEDIAN: Final = Statistic("median over tracks", _median, _median_of_each, robust=True)
+TIME_MEAN_RMSE: Final = Statistic("RMSE over runs, mean over steps", _time_mean_rmse, _rmse_of_each)
 """Of rows (n, targets, steps)."""
-POOLED_RMSE: Final = Statistic("pooled rmse", "RMSE over runs and steps", _pooled_rmse, _rmse_of_each)
+POOLED_RMSE: Final = Statistic("RMSE over runs and steps", _pooled_rmse, _rmse_of_each)
 """Of rows (n, targets, steps)."""
 PER_RUN_RMSE: Final = Statistic(
-    "run rmse", "RMSE of a run, mean over runs", lambda rows, w: _mean(_rmse_of_each(rows)[:, None], w), _rmse_of_each
+    "RMSE of a run, mean over runs", lambda rows, w: _mean(_rmse_of_each(rows)[:, None], w), _rmse_of_each
 )
 """Of rows (n, targets, steps)."""

@@ -129,7 +129,7 @@ def _value_row(claim: Claim, data: Data) -> ClaimRow:
         quantity=claim.label, variant=claim.variant, published=NAN if claim.published is None else claim.published,
         measured=found.value, low=found.low, high=found.high, replicates=found.replicates,
         lost_fraction=found.lost_fraction, bound=bound.value, bound_kind=bound.kind, caution=bound.caution,
-        judgement=_judgement(claim, data, bound.strict), statistic=sample.statistic.words, short=sample.statistic.key,
+        judgement=_judgement(claim, data, bound.strict), statistic=sample.statistic.words,
         astray=astray(sample.per_run), median=(middle.value, middle.low, middle.high),
         reason=claim.reason or USUAL_REASONS.get(claim.measure, OTHER_REASON),
     )  # fmt: skip
@@ -155,7 +155,7 @@ def _order_row(claim: Claim, data: Data, difference: Sample) -> ClaimRow:
         replicates=len(difference.runs), bound=NAN, bound_kind="",
         lost_fraction=float((data.lost(claim.variant) | data.lost(claim.other)).mean()),
         judgement=judged_order(difference, claim.deterministic), reason=claim.reason,
-        statistic=difference.statistic.words, short=difference.statistic.key,
+        statistic=difference.statistic.words,
     )  # fmt: skip
     return _completed(row, claim, data)
 

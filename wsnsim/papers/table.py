@@ -1,55 +1,40 @@
-"""The rows of a reproduction as a table for a terminal, and the claims as a Markdown table.
+"""The rows of a reproduction as a text for a terminal, and the claims as a Markdown table.
 
-text(rows) -> str         cells(row) -> cells by HEADS         legend(rows) -> the meaning of words and marks
+text(rows) -> str         cells(row) -> what is known of a row, by name         legend(rows) -> the meaning of the words
 markdown(rows, lines) -> str                                    a row for each claim, as docs/papers shows them
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Final
 
 from wsnsim.analysis.phrases import wrapped
-from wsnsim.papers.counts import CountedClaim, count_line, counted_claims, judged_claims
+from wsnsim.papers.counts import CountedClaim, count_line, counted_claims, stated_claims
 from wsnsim.papers.reproduction import BASES, LESS_THAN, ClaimRow
 from wsnsim.papers.rows import ends
-from wsnsim.papers.verdicts import ASTRAY, RULE, AstrayShare
+from wsnsim.papers.verdicts import ASTRAY, OUT_OF_REACH, RULE, AstrayShare
 
-KINDS: Final = {"unconditional": "u", "per_trajectory": "t", "active": "active", "arrived": "arrived"}
-"""Kinds of bounds, as the table abbreviates them."""
-MARKS: Final = (
-    "u posterior (over all trajectories); t conditional on each trajectory, which a filter may beat on some; "
-    "other: of another variant, or as the reason says; ~ not strict here"
-)
-"""What the abbreviations of KINDS and other marks of bounds mean."""
-UNCOUNTED: Final = " *"
-ABOUT: Final = "about"
-ASSUMED: Final = "assumed"
 NOWHERE: Final = "no value in any run"
-UNDECIDABLE: Final = "undecidable"
-WORDS_UNDECIDABLE: Final = "the paper's runs are too few: even with unlimited runs of ours the value cannot reproduce"
-WORDS_READ: Final = "our reading of a curve or of words, not a printed number"
-WORDS_UNCOUNTED: Final = "on a repair or on another reading of the paper; not counted among its claims"
-WORDS_RUNS: Final = "ours / those behind the published value"
-WORDS_ASSUMED: Final = "the paper does not give the number of runs behind the published value; this one is ours"
-WORDS_ASTRAY: Final = f"share of runs with more than {ASTRAY:g} times the median of the runs [Clopper-Pearson, %]"
-WORDS_LOST: Final = "share of runs (re-acquisitions in a run, mean over runs)"
+ABOUT: Final = "about"
 OTHER_BASES: Final = tuple(basis for basis in BASES if basis != "evidence")
 """Bases on which a verdict is not counted."""
-OUT_OF_REACH: Final = "out of reach"
 CLAIM_HEADS: Final = ("claim", "published", "measured [95 %]", "outcome")
 CLAIM_MARKS: Final = {
-    OUT_OF_REACH: "the paper made so few runs that no number of ours could reproduce the value",
+    OUT_OF_REACH: "so few runs are behind the published value that it could not be confirmed within 10 %, however many "
+    "runs we make",
     **{f"({basis})": f"{words}; not counted" for basis, words in BASES.items() if basis in OTHER_BASES},
-    ABOUT: WORDS_READ,
+    ABOUT: "our reading of a curve or of words, not a printed number",
 }
 """Marks of a claim's cells, and what they mean."""
-HEADS: Final = (
-    "quantity", "variant", "published", "measured [95 %]", "statistic", "bound", "runs", "astray", "lost", "verdict",
-)  # fmt: skip
+MARKS: Final = CLAIM_MARKS | {
+    "bound": "no filter has a smaller error on average over all trajectories (unconditional), or along each of them "
+    "(per_trajectory; a filter may have on some); other kinds name what they are from",
+    "not strict": "a filter may be below this bound",
+}
+"""The same of a row's cells."""
 
 
 def text(rows: Sequence[ClaimRow]) -> str:
@@ -59,28 +44,19 @@ def text(rows: Sequence[ClaimRow]) -> str:
         these = list(block)
         reading = f" [{these[0].reading}]" if these[0].reading else ""
         lines += ["", f"{paper}, {experiment}: {these[0].title}{reading}", *_block(these)]
-    legends = [piece for line in (*verdict_counts(rows), *legend(rows)) for piece in wrapped(line, indent="    ")]
+    legends = [piece for line in (*_counts(rows), *legend(rows)) for piece in wrapped(line, indent="    ")]
     return "\n".join([*lines[1:], "", *legends]) if rows else ""
 
 
 def _block(rows: Sequence[ClaimRow]) -> Iterator[str]:
     """The lines of an experiment; rows in sequence with the same reason have it once, beneath the last."""
     for row, after in zip(rows, [*rows[1:], None], strict=True):
-        quantity, variant, *values, verdict = cells(row)
-        yield from wrapped(f"{quantity}, {variant}: {verdict}", "  ", "      ")
-        known = [f"{head} {value}" for head, value in zip(HEADS[2:-1], values, strict=True) if value != "-"]
-        yield from wrapped("; ".join(known), "    ", "      ")
+        yield from wrapped(f"{_said(row)}: {_verdict(row)}", "  ", "      ")
+        yield from wrapped("; ".join(f"{name} {value}" for name, value in cells(row).items()), "    ", "      ")
         if after is None or row.reason != after.reason:
             yield from wrapped(row.reason, "      ")
     for caution in dict.fromkeys(caution for row in rows for caution in row.caution.split("; ") if caution):
         yield f"  of the bound: {caution}"
-
-
-def verdict_counts(rows: Sequence[ClaimRow]) -> Iterator[str]:
-    """Yield the outcomes of each paper's claims, and the verdicts of each kind on its rows that are not counted."""
-    for paper, block in groupby(rows, key=lambda row: row.paper):
-        these = list(block)
-        yield from (*_counts(these), *_uncounted(paper, these))
 
 
 def _counts(rows: Sequence[ClaimRow]) -> Iterator[str]:
@@ -89,83 +65,59 @@ def _counts(rows: Sequence[ClaimRow]) -> Iterator[str]:
         yield f"{paper}: {count_line(list(block))}"
 
 
-def _uncounted(name: str, rows: Sequence[ClaimRow]) -> Iterator[str]:
-    """Yield the verdicts of each kind on rows of a paper that are not counted."""
-    judged = [row for row in rows if row.verdict in RULE and row.verdict != "not judged" and not row.paired]
-    kinds: dict[str, list[ClaimRow]] = {
-        basis: [row for row in judged if row.literal and row.basis == basis] for basis in OTHER_BASES
-    }
-    kinds["repairs and other readings"] = [row for row in judged if not row.literal]
-    for words, members in kinds.items():
-        counts = Counter(row.verdict for row in members)
-        if members:
-            summary = ", ".join(f"{counts[verdict]} x {verdict}" for verdict in RULE if counts[verdict])
-            yield f"{name}: {len(members)} not counted, {words}: {summary}"
-
-
 def legend(rows: Sequence[ClaimRow]) -> list[str]:
-    """The meanings of the verdicts, abbreviations and marks that occur in the rows."""
-    judged = [row for row in rows if row.verdict in RULE]
-    known = {basis: words for basis, words in BASES.items() if any(row.basis == basis for row in judged)}
-    lines = [f"  {verdict}: {words}" for verdict, words in RULE.items() if any(row.verdict == verdict for row in rows)]
-    statistics = dict.fromkeys((row.short, row.statistic) for row in rows if row.short not in ("", row.statistic))
-    lines += [f"  {short}: {words}" for short, words in statistics]
-    lines += [f"  ({basis}): {words}; not counted" for basis, words in known.items() if basis in OTHER_BASES]
-    rules: dict[str, dict[str, None]] = {}
-    for row in rows:
-        if row.losses.lost_rule and math.isfinite(row.lost_fraction):
-            rules.setdefault(row.losses.lost_rule, {})[row.paper] = None
-    lines += [f"  lost ({', '.join(papers)}): {rule}, at any time" for rule, papers in rules.items()]
-    for shown, words in (
-        (any(not row.literal for row in judged), f"{UNCOUNTED.strip()}: {WORDS_UNCOUNTED}"),
-        (any(math.isfinite(row.bound) for row in rows), f"bound: {MARKS}"),
-        (any(row.read and math.isfinite(row.published) for row in rows), f"{ABOUT}: {WORDS_READ}"),
-        (any(UNDECIDABLE in _verdict(row) for row in rows), f"{UNDECIDABLE}: {WORDS_UNDECIDABLE}"),
-        (any(row.published_runs for row in rows), f"runs: {WORDS_RUNS}"),
-        (any(row.published_runs and row.published_runs_assumed for row in rows), f"{ASSUMED}: {WORDS_ASSUMED}"),
-        (any(math.isfinite(row.astray.value) for row in rows), f"astray: {WORDS_ASTRAY}"),
-        (any(row.losses.reacquired > 0.0 for row in rows), f"lost: {WORDS_LOST}"),
-    ):
-        lines += [f"  {words}"] if shown else []
-    return lines
+    """The meanings of the verdicts and marks that occur in the rows."""
+    said = "; ".join(piece for row in rows for pair in cells(row).items() for piece in (*pair, _verdict(row)))
+    said += "; ".join(_counts(rows))
+    lines = [f"{verdict}: {words}" for verdict, words in RULE.items() if any(row.verdict == verdict for row in rows)]
+    lines += _meanings(MARKS, said)
+    lines += [f"lost ({row.paper}): {row.losses.lost_rule}, at any time" for row in rows
+              if row.losses.lost_rule and math.isfinite(row.lost_fraction)]  # fmt: skip
+    return [f"  {line}" for line in dict.fromkeys(lines)]
 
 
-def cells(row: ClaimRow) -> tuple[str, ...]:
-    """The cells of a row, by HEADS."""
-    return (
-        row.quantity,
-        row.variant,
-        _published(row),
-        _measured(row),
-        row.short or "-",
-        _bound(row),
-        _runs(row),
-        _astray(row.astray),
-        _lost(row),
-        _verdict(row),
-    )
+def _meanings(marks: Mapping[str, str], said: str) -> list[str]:
+    """What the marks mean that occur in cells."""
+    return [f"{mark}: {words}" for mark, words in marks.items() if mark in said]
+
+
+def cells(row: ClaimRow) -> dict[str, str]:
+    """What is known of a row."""
+    found = {
+        "published": _published(row),
+        "measured [95 %]": _measured(row),
+        "statistic": row.statistic or "-",
+        "bound": f"{_number(row.bound)} ({row.bound_kind})" if math.isfinite(row.bound) else "-",
+        "runs": _runs(row),
+        f"astray (above {ASTRAY:g} times the median)": _astray(row.astray),
+        "lost at any time": _lost(row),
+    }
+    return {name: cell for name, cell in found.items() if cell != "-"}
 
 
 def _published(row: ClaimRow) -> str:
     """The published value; of one that we read from a curve, that it is about that."""
+    if LESS_THAN in row.key:
+        return "below 0"
     return f"{ABOUT} {_number(row.published)}" if row.read and math.isfinite(row.published) else _number(row.published)
 
 
 def _runs(row: ClaimRow) -> str:
     """Our runs, and those behind the published value."""
-    published = f" / {row.published_runs}" if row.published_runs else ""
-    return f"{row.replicates}{published}{f' {ASSUMED}' if published and row.published_runs_assumed else ''}"
+    assumed = ", which we assume" if row.published_runs_assumed else ""
+    return f"{row.replicates}{f' (paper: {row.published_runs}{assumed})' if row.published_runs else ''}"
 
 
 def _verdict(row: ClaimRow) -> str:
-    """The verdict, with the factor within which it holds, and a mark or basis if it is not counted."""
-    if row.verdict not in RULE:
-        return row.verdict
-    within = row.judgement.within
-    factor = f" within x {math.ceil(100 * within) / 100:.4g}" if row.verdict == "compatible" else ""
-    factor += f"; {UNDECIDABLE}" if factor and row.judgement.undecidable else ""
-    basis = "" if row.basis == "evidence" else f" ({row.basis})"
-    return row.verdict + factor + basis + ("" if row.literal else UNCOUNTED)
+    """The verdict, with the factor within which it holds, and why it is not counted."""
+    said: str = row.verdict
+    if said == "compatible":
+        said += f" within x {math.ceil(100 * row.judgement.within) / 100:.4g}"
+        said += f", {OUT_OF_REACH}" if row.judgement.undecidable else ""
+    apart: list[str] = [row.basis] if row.basis != "evidence" else []
+    apart += [] if row.literal else ["a repair or another reading of the paper"]
+    apart += ["paired by run, not as published"] if row.paired else []
+    return said + (f", not counted{''.join(f' ({why})' for why in apart)}" if apart and row.verdict in RULE else "")
 
 
 def _measured(row: ClaimRow) -> str:
@@ -184,7 +136,7 @@ def _median(row: ClaimRow) -> str:
 
 def _lost(row: ClaimRow) -> str:
     """The share of runs that lost their target, and how often tracks were lost and found again in a run."""
-    again = f" ({row.reacquired:.2g} re-acq.)" if row.reacquired > 0.0 else ""
+    again = f" of runs ({row.reacquired:.2g} re-acquisitions a run)" if row.reacquired > 0.0 else ""
     return _percent(row.lost_fraction) + again
 
 
@@ -204,25 +156,17 @@ def _hundredfold(share: float) -> str:
     return f"{float(f'{100 * share:.2g}'):g}"
 
 
-def _bound(row: ClaimRow) -> str:
-    """The bound and its kind, with a '~' where it is not strict."""
-    if not math.isfinite(row.bound):
-        return "-"
-    kind, _, caveat = row.bound_kind.partition(", ")
-    return f"{'~' if caveat else ''}{_number(row.bound)} {KINDS.get(kind, 'other')}"
-
-
 def _number(value: float) -> str:
     return f"{value:.4g}" if math.isfinite(value) else "-"
 
 
 def markdown(rows: Sequence[ClaimRow], lines: Sequence[str] = ()) -> str:
     """A row for each judged claim (if none is judged, for each row), the verdicts counted, marks, and `lines`."""
-    claims = [claim for claim in judged_claims(rows) if not claim.kind.startswith("derived")]
-    found = [*map(claim_cells, claims)] or [(_said(row), _published(row), _measured(row), row.verdict) for row in rows]
+    found = [*map(claim_cells, stated_claims(rows))] or [
+        (_said(row), _published(row), _measured(row), row.verdict) for row in rows
+    ]
     said = " ".join(cell for cells in found for cell in cells)
-    marks = [f"{mark}: {words}" for mark, words in CLAIM_MARKS.items() if mark in said]
-    notes = [f"- {_plain(line)}" for line in (*_counts(rows), *marks, *lines)]
+    notes = [f"- {_plain(line)}" for line in (*_counts(rows), *_meanings(CLAIM_MARKS, said), *lines)]
     return "\n".join([*_markdown([CLAIM_HEADS, *found]), "", *notes])
 
 
@@ -236,9 +180,7 @@ def claim_cells(claim: CountedClaim) -> tuple[str, ...]:
 
 def _said(row: ClaimRow) -> str:
     """What a row is about in one cell."""
-    other = row.key.partition(LESS_THAN)[2]
-    quantity = row.quantity.replace(f" below that of {other}", "", 1) if other else row.quantity
-    return f"{row.key or row.variant}: {quantity}"
+    return f"{row.variant}: {row.quantity}"
 
 
 def _outcome(claim: CountedClaim) -> str:

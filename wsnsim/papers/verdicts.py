@@ -47,11 +47,14 @@ RULE: Final[Mapping[Verdict, str]] = {
     "cannot: beyond the bound": "the published value is below a strict bound, "
     "which no filter is on average over ground truths",
     "undecided": "of an order: the interval contains zero",
-    "too few runs": f"a median needs {LEAST} runs, a mean or an RMSE {ENOUGH}; with fewer, a mean can at most be found "
-    "too large",
+    "too few runs": "however far it is from the published value, a median is not judged on fewer than "
+    f"{LEAST} runs, a mean or an RMSE not on fewer than {ENOUGH}, as rare runs with large errors may be missing; "
+    f"{LEAST} runs can show that a mean is too large",
     "not judged": "the two cannot be compared, such as seconds on two machines",
 }
 """How a verdict is reached."""
+OUT_OF_REACH: Final = "out of reach"
+"""Said of claims that are undecidable."""
 
 
 class Judgement(NamedTuple):
