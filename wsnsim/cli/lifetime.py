@@ -96,7 +96,6 @@ def lifetime(interrupts: Interrupts, /, sources: tuple[str, ...], **given: Any) 
 def _estimated(sources: Sequence[str], interrupts: Interrupts, given: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The outcomes of all scenarios with their labels, which are written to the result."""
     from wsnsim.analysis import lifetime_result
-    from wsnsim.api.arguments import renamed
     from wsnsim.campaign.sweeping import engine_of
     from wsnsim.campaign.visits import estimate_lifetime
     from wsnsim.lifetimes.planning import lifetime_plan
@@ -104,7 +103,7 @@ def _estimated(sources: Sequence[str], interrupts: Interrupts, given: Mapping[st
 
     if given["jobs"] and given["scheduler"]:
         raise UsageError("--jobs cannot be combined with --scheduler: the scheduler sets the number of workers")
-    with renamed(_options(given)):
+    with _named_as_options(given):
         scenarios = _scenarios(sources, given)
         for scenario in scenarios.values():
             lifetime_plan(scenario)  # all are checked before one is simulated
