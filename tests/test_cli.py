@@ -219,7 +219,7 @@ def test_a_run_writes_its_page_too_where_it_is_asked_for(scenario: str, capsys: 
 def test_a_page_that_has_no_place_is_refused_before_anything_runs(capsys: pytest.CaptureFixture[str]) -> None:
     Path("y.html").mkdir()
     for out, message in (
-        ("x.html", "would overwrite x.html"),
+        ("x.html", "expected a file with the suffix .h5"),
         ("y.h5", "--report: y.html is a folder"),
     ):
         assert main(["run", "pso_mhpf", *QUICK, "--report", "--out", out]) == 2
@@ -334,7 +334,8 @@ def test_plot_draws_what_is_asked_for_where_it_is_asked_for(result: Path, capsys
         (["--what", "particles"], 1,
          "R: cannot plot particles: table particles was not recorded; run the scenario with record.particles=true"),
         (["--what", "tracks"], 2, "Invalid value for '--what': 'tracks' is not one of 'all', 'track', 'states', "
-         "'gospa', 'error', 'consistency', 'energy', 'particles', 'step'. (see 'wsnsim plot --help')"),
+         "'gospa', 'error', 'consistency', 'energy', 'particles', 'step' (did you mean 'track'?)"
+         " (see 'wsnsim plot --help')"),
     ],
 )  # fmt: skip
 def test_a_picture_that_cannot_be_is_one_message_and_no_file(
@@ -366,7 +367,7 @@ def test_a_picture_never_takes_the_place_of_its_result(result: Path, capsys: pyt
         (["list", "trakers"], "unknown role 'trakers' (did you mean 'trackers'?)"),
         (["list", "datashets"], "unknown role 'datashets' (did you mean 'datasheets'?)"),
         (["run", "--seed", "x", "y"],
-         "Invalid value for '--seed': 'x' is not a whole number. (see 'wsnsim run --help')"),
+         "Invalid value for '--seed': 'x' is not a whole number of at least 0. (see 'wsnsim run --help')"),
     ],
 )  # fmt: skip
 def test_a_slip_is_one_line_and_exit_code_2(
@@ -452,7 +453,8 @@ def test_every_option_that_takes_a_number_refuses_a_word_in_plain_words(command:
         if isinstance(option.type, click.types._NumberParamTypeBase) and isinstance(option, click.Option):
             assert main([command, f"{option.opts[0]}=twenty"]) == 2
             number = "whole number" if isinstance(option.type, click.types.IntParamType) else "number"
-            assert f"'twenty' is not a {number}. (see 'wsnsim {command} --help')" in capsys.readouterr().err
+            said = capsys.readouterr().err
+            assert f"'twenty' is not a {number}" in said and said.endswith(f". (see 'wsnsim {command} --help')\n")
 
 
 def test_an_unexpected_error_is_one_line_and_its_traceback_is_for_those_who_ask(

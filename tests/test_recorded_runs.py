@@ -11,7 +11,7 @@ import yaml
 
 import wsnsim
 from wsnsim import bounds, scenario
-from wsnsim.analysis import notes
+from wsnsim.analysis import notes, summary
 from wsnsim.analysis.result_info import info_text
 from wsnsim.base.errors import RunError, ScenarioError
 from wsnsim.base.files import file_digest
@@ -279,7 +279,7 @@ def test_the_result_names_its_files_and_the_rows_that_were_left_out(tmp_path: Pa
     assert f"recorded     readings.csv ({digests['readings.csv']}), 2 rows left out\n" in text
     said = " ".join(text.split())  # without the line breaks of a terminal
     assert "readings.csv:83: the deployment has no node 'nobody' (its nodes: east, north, west, south)" in said
-    (note,) = notes.of_report(report, {"without_estimate": 0, "present_steps": STEPS})
+    (note,) = notes.of_report(report, summary.as_json(report))
     assert note.startswith("2 rows of readings.csv left out, such as readings.csv:82: reading must be a finite number")
 
 

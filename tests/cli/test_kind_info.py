@@ -140,7 +140,7 @@ def test_a_kind_of_several_roles_is_shown_for_each_and_two_words_choose(capsys: 
 
 def test_json_has_the_parameters_in_fields_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
     (found,) = json.loads(said(capsys, "info", "bearing", "--json"))["kinds"]
-    assert found["parameters"][0] == {
+    assert next(each for each in found["parameters"] if each["name"] == "sd") == {
         "name": "sd", "type": "number", "unit": "rad", "allowed": "1e-6 to 0.5", "default": "0.035",
         "meaning": "standard deviation of a bearing",
     }  # fmt: skip

@@ -25,7 +25,7 @@ def payload(packets=1):
 def radios_off(network):
     """Whether no radio is held on."""
     return not network.mac._radios._reasons and not any(
-        map(network.nodes.consumption.is_held, range(network.nodes.size))
+        map(network.nodes.consumption.levels.is_held, range(network.nodes.size))
     )
 
 

@@ -64,7 +64,7 @@ def test_an_unknown_kind_names_the_nearest() -> None:
         (kind("NoPart"), " is not a component: put @wsnsim.part on the class"),
         (kind("NoTracker"), " lacks 'start', 'step', 'hand_over', 'estimate', 'forecast', which every tracker needs"),
         (kind("OddField"), " has a field of type dict[str, float], which no scenario can write"),
-        (kind("Nobody"), " cannot be imported: AttributeError: module"),
+        (kind("Nobody"), " cannot be imported: it has no class Nobody (known: "),
         ("__main__:Nobody", " cannot be imported: worker processes cannot see a notebook's classes: give workers=0"),
         (kind("base_scenario"), " is not a class"),
         ("nowhere.at_all:X", ": there is no module 'nowhere.at_all' in the working directory or on Python's path"),

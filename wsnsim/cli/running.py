@@ -20,7 +20,17 @@ from wsnsim.base.process import gc_disabled
 from wsnsim.cli import shared
 from wsnsim.cli.interrupts import Interrupts
 from wsnsim.cli.progress import RUN, display
-from wsnsim.cli.shared import echo, echo_answer, group, is_campaign, loaded, reading, seconds_of, writable
+from wsnsim.cli.shared import (
+    echo,
+    echo_answer,
+    group,
+    is_campaign,
+    loaded,
+    not_the_result,
+    reading,
+    seconds_of,
+    writable,
+)
 
 if TYPE_CHECKING:
     from wsnsim.scenario.schema import Scenario
@@ -225,9 +235,7 @@ def _page_path(result: Path) -> Path:
         UsageError: the page cannot be written there. It is checked before anything runs.
     """
     page = result.with_suffix(".html")
-    if page == result or (page.exists() and result.exists() and page.samefile(result)):
-        raise UsageError(f"--report: the page would overwrite {result}; give --out {result.with_suffix('.h5')}")
-    return writable(page, Path(page.name), "--report:")
+    return not_the_result(writable(page, Path(page.name), "--report:"), result, "page")
 
 
 OF_CAMPAIGNS = ("port", "browser", "ends", "metric", "column", "quiet", "source", "out")

@@ -248,7 +248,7 @@ def not_the_result(path: Path, result: Path, content: str) -> Path:
     Raises:
         UsageError: writing the `content` there would overwrite the result.
     """
-    if path.exists() and path.samefile(result):
+    if path.exists() and result.exists() and path.samefile(result):
         raise UsageError(f"{path} is the result itself; give another file for the {content} with --out")
     return path
 
