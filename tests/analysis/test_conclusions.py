@@ -175,19 +175,20 @@ def test_different_numbers_of_particles_are_hinted_at() -> None:
 
 
 @pytest.mark.parametrize(
-    ("particles", "nees", "lost", "said"),
+    ("particles", "nees", "lost", "singular", "said"),
     [
-        (100, 2.6e4, 0.75, True),
-        (100, 2.6e4, 0.0, False),  # it followed its target
-        (100, 0.9, 0.75, False),  # the spread covers the error
-        (100, NAN, 1.0, False),  # no step has an estimate
-        (None, 2.6e4, 0.75, False),  # a Kalman filter
+        (100, 2.6e4, 0.75, 0.0, True),
+        (100, 2.6e4, 0.0, 0.0, False),  # it followed its target
+        (100, 0.9, 0.75, 0.0, False),  # the spread covers the error
+        (100, 0.9, 0.0, 1.0, True),  # all particles were in one place
+        (100, NAN, 1.0, 0.0, False),  # no step has an estimate
+        (None, 2.6e4, 0.75, 3.0, False),  # a Kalman filter
     ],
 )
-def test_a_particle_filter_that_lost_its_target_with_a_collapsed_covariance_is_hinted_at(
-    particles: int | None, nees: float, lost: float, said: bool
+def test_a_particle_filter_with_a_collapsed_covariance_is_hinted_at(
+    particles: int | None, nees: float, lost: float, singular: float, said: bool
 ) -> None:
-    assert bool(degenerate(particles, nees, lost)) == said
+    assert bool(degenerate(particles, nees, lost, singular)) == said
 
 
 def test_the_p_of_a_pair_is_that_of_the_statistics() -> None:

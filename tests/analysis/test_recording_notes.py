@@ -115,8 +115,18 @@ def missing(made: Recording) -> None:
     made.readings[::9] = -100.0 if made.kind == "rssi" else 100.0 if made.kind == "range" else 6.0
 
 
+def ten_times(made: Recording) -> None:
+    made.readings *= 10.0
+
+
+def struck(made: Recording) -> None:
+    made.readings[7] += 60.0 * LAWS[made.kind]["sd"] * (1.0 if made.kind == "range" else -1.0)
+
+
 CORRUPTIONS = [
-    ("range", in_millimetres, "in mm"), ("bearing", clockwise_from_north, "clockwise from north"),
+    ("range", in_millimetres, "in mm"), ("range", ten_times, "10 times as large"),
+    *((kind, struck, "1 outlier, such as ") for kind in ("range", "rssi")),
+     ("bearing", clockwise_from_north, "clockwise from north"),
     *((kind, swapped, "a of b, b of a, d of e, e of d") for kind in LAWS),
     *((kind, biased, "a constant of each node, a ") for kind in LAWS),
     *((kind, offset, "of all nodes") for kind in ("range", "rssi")),

@@ -362,7 +362,7 @@ def test_from_and_until_are_times_of_the_file_and_its_own_name_is_never_the_defa
     assert Path("a_track.csv").read_text() == "time,id,x,y\n1,a,1,0\n2,a,2,0\n"
     Path("r.csv").write_text("time,node,range\n" + "".join(f"{time},n,{i}\n" for i, time in enumerate(times)))
     assert run_command(capsys, *command[:1], "readings", "r.csv", *command[3:]).code == 0
-    assert Path("r_readings.csv").read_text() == "time,node,reading\n1,n,1\n2,n,2\n"
+    assert Path("r_readings.csv").read_text() == "time,node,reading\n1,n,1\n", "the last belongs to what follows"
     again = run_command(capsys, *command)
     assert again.code == 2 and "--out a_track.csv replaces it" in again.err
 

@@ -278,7 +278,7 @@ def _concluded(
         said = sentence(table.iloc[row].to_dict(), (one, other), metric, unit)
         sentences[row] = f"{group}: {said}" if group else said
         lossy = (
-            (name, degenerate(network[at].particles, *table.loc[at, ["nees_median", "ever_lost"]]))
+            (name, degenerate(network[at].particles, *table.loc[at, ["nees_median", "ever_lost", "singular"]]))
             for name, at in ((one, row), (other, start))
         )
         known = hint(network[row], network[start], (one, other))

@@ -4,7 +4,7 @@
     with_pairs(table, pairs) -> the table with these columns, and p-values corrected for the number of tests
     sentence(pair, names, metric, unit) -> 'ekf is 21.1 m better than pf in per-run RMSE, 95 % [18, 25], ...'
     traffic(folder, table) -> [PointTraffic of each row]        hint(here, there, names) -> a sentence, or ''
-    degenerate(particles, nees, lost) -> why a particle filter may have lost its target, or ''
+    degenerate(particles, nees, lost, singular) -> why a particle filter may have lost its target, or ''
 
 Losses are compared first, on all runs, by McNemar's exact test. Errors are then compared by Wilcoxon's signed-rank test
 on the runs in which neither of the two lost its target at any time: the error of a run that lost it says only how long
@@ -227,20 +227,19 @@ def hint(here: PointTraffic, there: PointTraffic, names: tuple[str, str]) -> str
     return "; ".join(found)
 
 
-def degenerate(particles: int | None, nees: float, lost: float) -> str:
-    """Why a filter with particles may have lost its target: their spread says nothing of its error. '' if it does.
+def degenerate(particles: int | None, nees: float, lost: float, singular: float) -> str:
+    """Why a filter with particles is bad or lost its target: their spread says nothing of its error. '' if it does.
 
     Args:
         particles: their number; None for another filter.
         nees: median NEES per degree of freedom.
         lost: share of the runs in which the target was lost at any time.
+        singular: number of steps at which all particles were in one place or on a line.
     """
-    if not (particles and lost > 0.0 and nees > OVERCONFIDENT):
+    if not particles or not (singular or (lost and nees > OVERCONFIDENT)):
         return ""
-    return (
-        f"its {particles:,} {DEGENERATED} (median NEES {nees:.2g}): more of them, or more process "
-        "noise in the filter, may keep the target"
-    )
+    said = f"median NEES {nees:.2g}" + f", {singular:.0f} singular covariances" * bool(singular)
+    return f"its {particles:,} {DEGENERATED} ({said}): try more of them, or more process noise in the filter"
 
 
 def _tracks(folder: Folder) -> pd.DataFrame | None:

@@ -170,7 +170,8 @@ def of_report(report: Report, figures: Mapping[str, Any]) -> list[str]:
         count = f"{missing:,.4g} of {steps:,.10g} steps"
         notes += [f"{count} have no estimate (mean of the runs); errors are over the others"]
     tracker = report.scenario.tracker
-    if said := degenerate(getattr(tracker, "particles", None), figures["nees_median"], figures["ever_lost"]):
+    consistency = (figures[key] for key in ("nees_median", "ever_lost", "singular"))
+    if said := degenerate(getattr(tracker, "particles", None), *consistency):
         notes.append(f"{tracker.kind}: {said}")
     for table, port in (("particles", Snapshots), ("tracker_state", ReportsState)):
         if getattr(report.scenario.record, table) and not issubclass(tracker.part, port):

@@ -51,8 +51,13 @@ NEARLY, MANY, REMAIN = 0.8, 0.05, 0.2
 pairs that remain with another origin of time [our choice]."""
 LONGEST_LAG: Final = 100
 """Steps by which clocks are thought to be wrong, at most [our choice]."""
+EXTREME: Final = 50.0
+"""Standard deviations from the law beyond which a reading is an outlier [our choice]."""
+FEW: Final = 0.01
+"""Share of outliers above which the law is too narrow [our choice]."""
 CONVERSIONS: Final = (
     ("in mm", 1e-3, 0.0), ("in cm", 1e-2, 0.0), ("in km", 1e3, 0.0), ("in feet", 0.3048, 0.0),
+    ("10 times as large (cm taken for mm?)", 0.1, 0.0), ("a tenth (mm taken for cm?)", 10.0, 0.0),
     ("in degrees", math.pi / 180.0, 0.0), ("clockwise from north", -1.0, math.pi / 2.0), ("clockwise", -1.0, 0.0),
     ("from the target to the node", 1.0, math.pi),
 )  # fmt: skip
@@ -314,6 +319,11 @@ def unexplained_readings(setup: TrackingSetup) -> Iterator[str]:
         yield f"sensor: {said}"
     elif np.median(np.abs(off) / compared.sds) > FAR:
         yield "sensor: readings do not follow the law: units, names, targets, times, values of the law?"
+    elif 0 < (count := int((np.abs(off) > EXTREME * compared.sds).sum())) <= FEW * len(off):
+        worst = (np.abs(off) / compared.sds).argmax()
+        which = f"{_with_unit(compared.sensor)(compared.readings[worst])} of {compared.names[compared.nodes[worst]]}"
+        apart = f"{abs(off[worst]) / compared.sds[worst]:.3g} standard deviations from the law"
+        yield f"sensor: {counted(count, 'outlier')}, such as {which}, {apart}: leave out what is no reading (--missing)"
 
 
 def _explanations(compared: _ReadingsWithLaw, off: Floats, setup: TrackingSetup) -> Iterator[tuple[float, str]]:

@@ -151,6 +151,9 @@ def resume(source: str, options: Options, interrupts: Interrupts, changes: Seque
 def _run(folder: Folder, shard: Shard, options: Options, interrupts: Interrupts, allowed: PluginAccess) -> int:
     """Run what is missing, print the comparison, say what is still missing, and show it as long as it is watched."""
     engine = engine_of(folder.path, options.jobs, options.scheduler, options.scheduler_file)
+    if not options.quiet and (others := folder.outside_manifest(folder.manifest())):
+        beside = f"also holds {counted(others, 'run')} of other settings, which are kept and not shown"
+        echo_lines([f"wsnsim: {folder.path} {beside}; another --out keeps them apart"])
 
     def view_at(port: int) -> Any:
         from wsnsim.watch.campaign_view import CampaignView
@@ -193,10 +196,7 @@ def _report_outcome(
 ) -> int:
     """Print what failed, what is missing and how to resume; return the exit code."""
     manifest = folder.manifest()
-    others = 0 if options.quiet else folder.outside_manifest(manifest)
-    beside = f"{folder.path} also holds {counted(others, 'run')} outside this campaign; they are kept, and not shown"
-    lines = [f"wsnsim: {beside}"] if others else []
-    lines += [f"wsnsim: worker {worker} was left out: it {why}" for worker, why in outcome.left_out.items()]
+    lines = [f"wsnsim: worker {worker} was left out: it {why}" for worker, why in outcome.left_out.items()]
     failures = campaign.describe_failed(outcome.failed, manifest)
     lines += [f"wsnsim: {said}" for said in failures[:MAX_FAILURES]]
     if (more := len(failures) - MAX_FAILURES) > 0:

@@ -93,7 +93,7 @@ def _listed(_: click.Context, option: click.Parameter, value: str | None) -> tup
 @click.option(
     "--from", "start", metavar="TIME", help="Time of the file where track or readings begin: s, or as the table has it."
 )
-@click.option("--until", "end", metavar="TIME", help="Time of the file at which they end, in the same way.")
+@click.option("--until", "end", metavar="TIME", help="Time of the file at which they end; readings at it are left out.")
 @click.option("--crs", type=click.Choice(["wgs84"]), help="Positions are longitudes and latitudes: project them.")
 @click.option(
     "--origin", metavar="X,Y|centre", help="Position that becomes (0, 0): X,Y (with --crs LON,LAT), or centre."

@@ -102,7 +102,7 @@ def readings(files: Sequence[str], how: Conventions = USUALLY) -> Imported:
     elif not unit and rows.kept.any():
         rows.notes.append("readings are taken for ranges in m; --unit says otherwise")
     table = pd.DataFrame({"time": rows.times(), "node": rows.texts("node"), "reading": values})
-    rows.leave_out(~table.time.between(*rows.span()).to_numpy(), "before --from or after --until")
+    rows.leave_out(~table.time.between(*rows.span(), inclusive="left").to_numpy(), "before --from or from --until on")
     if "target" in rows.frame:
         codes, known = pd.factorize(rows.texts("target"), sort=True)
         rows.notes.append("targets: " + ", ".join(f"{number} is '{name}'" for number, name in enumerate(known[:10])))
