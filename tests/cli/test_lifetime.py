@@ -115,11 +115,14 @@ def test_the_longest_life_of_those_that_track_is_said_before_that_of_all(small: 
         variant(small, "short", 1, 1),
     )
     said = words_of(long, tracks, short)
-    best = said.index("Of those that track at least 90 % of the steps (our choice), 2 of 3, 'tracks' lives longest")
+    best = said.index(
+        "Of those that track at least 90 % of the steps (our choice), with an error below that of a lost track, 2 of 3, 'tracks' lives longest"
+    )
     assert best < said.index("Of all, 'long' lives longest until the first death, 2,922 days (43 % tracked then)")
     assert "Of all" not in words_of(tracks, short)
-    assert "None is known to track at least 90 % of the steps (our choice). Of all, 'long' lives" in words_of(
-        long, long
+    assert (
+        "None is known to track at least 90 % of the steps (our choice), with an error below that of a lost track. Of all, 'long' lives"
+        in words_of(long, long)
     )
     endless = {
         **tracks,
@@ -270,3 +273,10 @@ def test_a_run_ignores_the_block_lifetime() -> None:
     with_block = wsnsim.simulate(NETWORK)
     without = wsnsim.simulate({key: value for key, value in NETWORK.items() if key != "lifetime"})
     assert with_block.table("estimates").equals(without.table("estimates"))
+
+
+def test_a_network_whose_error_is_that_of_a_lost_track_does_not_count_as_one_that_tracks() -> None:
+    point = {"name": "a", "criteria": [{"tracked": 0.98}], "lost_limit": 20.0}
+    for error, tracks in ((3.0, True), (22.2, False), (float("nan"), True)):
+        assert lifetime_text._tracks(point | {"libraries": [{"tracked": 0.98, "error": error}]}) == tracks
+    assert not lifetime_text._tracks(point | {"criteria": [{"tracked": 0.5}], "libraries": [{"tracked": 1.0}]})

@@ -19,7 +19,7 @@ import pandas as pd
 
 from wsnsim.analysis.answer import SEEN, percent
 from wsnsim.analysis.campaign_info import label, point_name
-from wsnsim.analysis.comparison import ENERGY, Comparison
+from wsnsim.analysis.comparison import ENERGY, MOST_LOST, Comparison
 from wsnsim.analysis.conclusions import (
     DEGENERATED,
     DIFFERENT_PARTICLES,
@@ -185,9 +185,14 @@ OF_A_PAPER: Final = ("median", "bound", "ever_lost", "energy", "p_holm")
 """Columns that a table in a paper has, beside the settings; as many as fit a column of the page."""
 
 
+SHORTER: Final = {"tracker.kind": "tracker", "Wilcoxon p": "p"}
+"""Headings in a paper, where every character counts."""
+
+
 def latex(found: Comparison) -> str:
     """The columns that a paper shows as LaTeX, for the package booktabs; `--csv` has all."""
     heads, rows = columns(found, OF_A_PAPER)
+    heads = [SHORTER.get(head, head.replace(" per-run", "")) for head in heads]
     lines = [" & ".join(map(_in_latex, row)) + r" \\" for row in [heads, *rows]]
     sides = "l" * len(found.keys) + "r" * (len(heads) - len(found.keys))
     begin = f"\\begin{{tabular}}{{{sides}}}"
@@ -241,7 +246,7 @@ def columns(found: Comparison, only: Sequence[str] = ()) -> tuple[list[str], lis
         (shown["nees"], "singular", "singular", _each("{:.0f}".format)),
         (shown["bound"], f"CRLB{faultless}", "bound", _each(_number)),
         (shown["tracked"], "tracked", "tracked", _each(_percents)),
-        (True, "ever lost", "ever_lost", _shares),
+        (True, "ever lost", "ever_lost", _each(_percents) if only else _shares),
         (shown["lost at the end"], "at the end", "lost_fraction", _each(_percents)),
         (found.metric != ENERGY and (table["energy"] > 0).any(), "energy [J]", "energy", _each(_number)),
         (shown["front"], "Pareto", "front", _each({True: "*", False: ""}.__getitem__)),
@@ -278,6 +283,8 @@ def notes(found: Comparison) -> Iterator[str]:
     yield f"[ , ]: 95 % intervals{f'; of medians only from {LEAST} runs on' if few else ''}" + (
         f"; lost: {found.lost}" if found.lost else ""
     )
+    if _shown_parts(found)["front"] and (table["ever_lost"] > MOST_LOST).all():
+        yield "no point is on the Pareto front: each loses its target in more than 5 % of its runs"
     if unknown:
         name = run_metric_name(found.metric)
         yield f"without {name}: {counted(unknown, 'run')}; medians and means are over the others"

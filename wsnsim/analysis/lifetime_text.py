@@ -36,6 +36,16 @@ def _tracked(point: Point) -> float:
     return float(point["libraries"][0]["tracked"] if math.isnan(then) else then)
 
 
+def _error(point: Point) -> float:
+    """RMSE in m of tracked steps over the visits at the start; NaN if it was not kept."""
+    return float(point["libraries"][0].get("error", NAN))
+
+
+def _tracks(point: Point) -> bool:
+    """Whether a network tracks: it has an estimate at most steps, and the error is not that of a lost track."""
+    return _tracked(point) >= TRACKS and not _error(point) > point.get("lost_limit", math.inf)
+
+
 def text(points: Sequence[Point]) -> str:
     """The whole answer, at most 100 columns wide."""
     lines: list[str] = []
@@ -103,7 +113,7 @@ def _comparison(points: Sequence[Point]) -> Iterator[Block]:
     rows = [["", "first death", "95 %", "tracked", "error", "quiet", "visit", "half dead"]]
     for point in points:
         first, *others = point["criteria"]
-        error = point["libraries"][0].get("error", NAN)
+        error = _error(point)
         rows.append([
             label(point), _in(first["median"], point, unit), _span(first["low"], first["high"], point, unit),
             _share(_tracked(point)), "-" if math.isnan(error) else f"{error:.3g} m", _share(_quiet_share(point)),
@@ -125,11 +135,11 @@ def _comparison(points: Sequence[Point]) -> Iterator[Block]:
 
 def _conclusion(points: Sequence[Point], unit: tuple[float, str]) -> Iterator[str]:
     """Sentences on who lives longest until the first death: of those that track, and of all."""
-    tracking, named = [point for point in points if _tracked(point) >= TRACKS], None
-    enough = f"track at least {_share(TRACKS)} of the steps (our choice)"
+    tracking, named = [point for point in points if _tracks(point)], None
+    enough = f"track at least {_share(TRACKS)} of the steps (our choice), with an error below that of a lost track"
     every = "Of all" if tracking else f"None is known to {enough}. Of all"
     for whose, among in ((f"Of those that {enough}, {len(tracking)} of {len(points)}", tracking), (every, points)):
-        best = max(among, key=lambda point: point["criteria"][0]["median"], default=None)
+        best = max(among, key=lambda point: (point["criteria"][0]["median"], -_error(point)), default=None)
         if best is None or best is named:
             continue
         named, first = best, best["criteria"][0]

@@ -260,8 +260,9 @@ def _bar_class() -> Any:
 
     if not in_notebook() or not importlib.util.find_spec("ipywidgets"):
         return tqdm
-    from IPython.display import display
     from tqdm.notebook import tqdm as widget
+
+    show = importlib.import_module("IPython.display").display
 
     class NotebookBar(widget):  # type: ignore[misc]
         """A widget that leaves nothing in a saved notebook, also if the work fails."""
@@ -272,7 +273,7 @@ def _bar_class() -> Any:
             self.container.children[1].max = self.total
             super().display(*texts, check_delay=False, **options)
             if check_delay and self.handle is None:
-                self.handle = display(self.container, display_id=True)  # type: ignore[no-untyped-call]
+                self.handle = show(self.container, display_id=True)
 
         def close(self) -> None:
             super().close()

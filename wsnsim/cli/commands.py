@@ -88,7 +88,7 @@ def verify(result: Path, plugins: bool, as_json: bool) -> int:
 
 @group.command()
 @shared.result_argument
-@click.option("--step", type=click.IntRange(min=0), required=True, metavar="K", help="Step to describe.")
+@click.option("--step", type=click.IntRange(min=0), metavar="K", help="Step; default that of the largest error.")
 @click.option(
     "--replicate", type=click.IntRange(min=0), default=0, show_default=True, metavar="R", help="Run to describe."
 )
@@ -102,14 +102,16 @@ def verify(result: Path, plugins: bool, as_json: bool) -> int:
     help="Number of similar messages that are shown one by one; more are summed up.",
 )
 @shared.json_option
-def trace(result: Path, step: int, replicate: int, target: int | None, limit: int, as_json: bool) -> None:
+def trace(result: Path, step: int | None, replicate: int, target: int | None, limit: int, as_json: bool) -> None:
     """Describe one step of a run: measurements, frames and energy.
 
     The text says who sensed the target, who sent what to whom, what was lost, and what energy was spent.
     """
     from wsnsim.analysis import trace as tracing
+    from wsnsim.analysis.plot_data import telling_step
 
     with reading(result):
+        step = telling_step(result, replicate, target or 0) if step is None else step
         picked = tracing.trace(result, step, replicate, target, limit)
         answer = tracing.as_json(picked) if as_json else tracing.text(picked)
     echo_answer(answer)

@@ -188,7 +188,7 @@ def _imported(kind: str, files: Sequence[Path], options: dict[str, Any]) -> dict
     if options["crs"] and options["nodes"] is not None and options["origin"] is None:
         raise UsageError("--nodes and --crs: give --origin LON,LAT, that of the nodes")
     how = _placement(kind, options, as_scenario)
-    target(out, "track.csv", files)
+    target(out, getattr(out, "name", ""), files)
     import numpy as np
 
     from wsnsim.interop import traces, trajectories

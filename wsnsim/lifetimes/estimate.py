@@ -116,6 +116,7 @@ class Lifetime:
         epochs: the networks that were simulated.
         mortal: numbers of the nodes that live at the start and are not on mains; if there are none, of all that live.
         rules: what decides when a path meets a criterion.
+        lost_limit: error in m above which a track is lost.
         baseline: s that the mean node lives by its battery / (quiet power + rate of visits × joules of a visit).
         not_modelled: what is left out, each with its size.
         notes: what is special about this network.
@@ -129,6 +130,7 @@ class Lifetime:
     epochs: tuple[Epoch, ...]
     mortal: Ints
     rules: Criteria
+    lost_limit: float
     baseline: float
     not_modelled: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -283,8 +285,8 @@ class Estimation:
         left_out = limits.not_modelled(self._setup, *spoken, self._strays, min(max(1.0, baseline), plan.horizon))
         most = max(len(each.dead) for each in self._epochs) / self._size
         return Lifetime(
-            plan, self._facts, criteria, times, events, tuple(self._epochs), self._mortal(first.dead), rules, baseline,
-            (*left_out, limits.thinned(most, self._stores.restarts)), tuple(notes),
+            plan, self._facts, criteria, times, events, tuple(self._epochs), self._mortal(first.dead), rules,
+            self._setup.lost_limit, baseline, (*left_out, limits.thinned(most, self._stores.restarts)), tuple(notes),
         )  # fmt: skip
 
     def _estimated(self, times: Floats) -> CriterionTime:

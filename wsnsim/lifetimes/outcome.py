@@ -49,7 +49,7 @@ def outcome_of(lifetime: Lifetime, scenario: Any) -> dict[str, Any]:
             for each in lifetime.epochs
         ],
         "criteria": [_criterion(name, lifetime, times[name], series) for name in plan.known],
-        "end": float(np.median(ends)), "baseline": lifetime.baseline,
+        "end": float(np.median(ends)), "baseline": lifetime.baseline, "lost_limit": lifetime.lost_limit,
         "nodes": {
             "x": lifetime.facts.positions[:, 0], "y": lifetime.facts.positions[:, 1],
             "sink": [node in lifetime.facts.sinks for node in range(size)],
