@@ -115,15 +115,11 @@ def test_the_longest_life_of_those_that_track_is_said_before_that_of_all(small: 
         variant(small, "short", 1, 1),
     )
     said = words_of(long, tracks, short)
-    best = said.index(
-        "Of those that track at least 90 % of the steps (our choice), with an error below that of a lost track, 2 of 3, 'tracks' lives longest"
-    )
+    enough = "track at least 90 % of the steps (our choice), with an error below that of a lost track"
+    best = said.index(f"Of those that {enough}, 2 of 3, 'tracks' lives longest")
     assert best < said.index("Of all, 'long' lives longest until the first death, 2,922 days (43 % tracked then)")
     assert "Of all" not in words_of(tracks, short)
-    assert (
-        "None is known to track at least 90 % of the steps (our choice), with an error below that of a lost track. Of all, 'long' lives"
-        in words_of(long, long)
-    )
+    assert f"None is known to {enough}. Of all, 'long' lives" in words_of(long, long)
     endless = {
         **tracks,
         "label": "endless",

@@ -65,10 +65,10 @@ import time
 from wsnsim.api import arguments
 arguments.WAIT = 1e-3
 print("before")
-with arguments.shown(True, "compare", "runs") as step:
+with arguments.shown(True, "compare", "runs", lambda now: now) as step:
     for done in range(1, {done} + 1):
         time.sleep(0.2)
-        step(done, 3)
+        step((done, 3))
 """
 
 
