@@ -131,17 +131,27 @@ def test_the_first_order_models_show_their_crossover(capsys: pytest.CaptureFixtu
     assert derived["crossover"]["value"] == pytest.approx((10e-12 / 0.0013e-12) ** 0.5)
 
 
-@pytest.mark.thorough(fast=["ungm_pf-ungm_pf has no network (network: none), and therefore no radio to describe"])
+def test_a_scenario_is_said_in_words_with_each_of_its_targets(capsys: pytest.CaptureFixture[str]) -> None:
+    text = said(capsys, "info", "two_targets")
+    assert (
+        text.startswith("two_targets, in SI units\n  time: duration 28.04 s, step 0.04 s")
+        and max(map(len, text.splitlines())) <= 100
+    )
+    assert text.count("  targets: bounded_velocity (") == 2 and "  tracker: pso_mhpf (" in text
+    assert said(capsys, "info", "ungm_pf").rstrip().endswith("threshold 1")
+    assert json.loads(said(capsys, "info", "ungm_pf", "--json"))["resolved"]["tracker"]["particles"] == 100
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("ungm_pf", "ungm_pf has no network (network: none), and therefore no radio to describe"),
         ("cc2402", "unknown kind, scenario, datasheet or result 'cc2402' (did you mean 'cc2420'?)"),
         ("pso_mhfp", "unknown kind, scenario, datasheet or result 'pso_mhfp' (did you mean 'pso_mhpf'?)"),
         ("a\0b", "unknown kind, scenario, datasheet or result 'a"),
     ],
 )
-def test_what_has_no_radio_or_is_nowhere_says_so(name: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_nowhere_says_so(name: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["info", name]) == 2
     assert message in capsys.readouterr().err
 

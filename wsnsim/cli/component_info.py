@@ -1,7 +1,7 @@
-"""Values with their units, as `wsnsim info` prints them for a datasheet and for a scenario's radio.
+"""Values with their units, as `wsnsim info` prints them for a datasheet and for a scenario.
 
-For a datasheet: each value as it is written, and its source. For a scenario: the parameters of its energy model, MAC
-and link, and the values derived from them.
+For a datasheet: each value as it is written, and its source. For a scenario: what each role is, and of its energy
+model, MAC and link the parameters and the values derived from them.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from wsnsim.base.errors import UsageError
 from wsnsim.base.radio import Mode, continuous_power
 from wsnsim.base.requests import PACKET_BITS
 from wsnsim.base.setups import RadioSetup
@@ -76,7 +75,7 @@ def describe(source: str, as_json: bool, plugins: bool = False) -> str | dict[st
 
     Raises:
         ScenarioError: the file is invalid.
-        UsageError: there is no such file, or the scenario has no network.
+        UsageError: there is no such file.
     """
     file = find_sheet(source, Path())
     if file is not None and sheet_of(file):
@@ -133,14 +132,17 @@ def _number(value: object) -> str:
 
 
 def _describe_scenario(source: str, as_json: bool, plugins: bool) -> str | dict[str, Any]:
-    from wsnsim.scenario import Plugins, build, load
+    from wsnsim.report.scenario_words import in_words
+    from wsnsim.scenario import Plugins, build, load, resolved
 
     loaded = load(source, plugins=Plugins.ANY if plugins else Plugins.NONE)
     setup = build(loaded)
+    values = resolved(loaded)
+    words = [f"{loaded.name}, in SI units", *(paragraph(": ".join(row), "  ", "    ") for row in in_words(values))]
+    texts, plain = ["\n".join(words)], dict[str, Any](resolved=values)
     if not isinstance(setup, RadioSetup):
-        raise UsageError(f"{source} has no network (network: none), and therefore no radio to describe")
+        return {"scenario": loaded.name, **plain} if as_json else texts[0]
     components = {"energy": setup.energy, "mac": setup.mac, "link": setup.link}
-    texts, plain = [], {}
     for role, component in components.items():
         kind = getattr(loaded, role).kind
         fields, derived = list(_fields(component)), list(DERIVED[role](setup))

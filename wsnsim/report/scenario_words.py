@@ -47,7 +47,7 @@ def scenario_html(path: Path) -> str:
     except (ValueError, TypeError):
         values = {}
     overridden = read_json(path, "provenance_json", optional=True).get("overrides", ())
-    rows = "".join(f"<dt>{html.escape(head)}</dt><dd>{isolated(words)}</dd>" for head, words in _in_words(values))
+    rows = "".join(f"<dt>{html.escape(head)}</dt><dd>{isolated(words)}</dd>" for head, words in in_words(values))
     changed = "".join(_changes_html(*each) for each in changes(source or "", values, bool(overridden)))
     whole = "\n".join(f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in values.items()) or stored
     texts = {"As it was written": source, "With every default, in SI units": whole}
@@ -59,7 +59,7 @@ def scenario_html(path: Path) -> str:
     return f"<dl>{rows}</dl>{changed}{''.join(folded)}"
 
 
-def _in_words(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def in_words(scenario: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield what each role of a resolved scenario is, with its numbers in SI units."""
     times = (f"{key} {_value(scenario[key])} s" for key in ("duration", "step") if key in scenario)
     yield "time", ", ".join([*times, f"seed {scenario.get('seed')}"])
