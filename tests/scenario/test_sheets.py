@@ -127,6 +127,8 @@ def test_the_line_of_a_sheet_is_shown_with_a_caret() -> None:
         ("x" * 5000, None),
         ("sa1100", "'sa1100' is a datasheet of a processor, expected one of a radio "
                    "(known: cc1000, cc2420, nrf52840_radio)"),
+        ("nrf52840", "'nrf52840' is a datasheet of a processor, expected one of a radio "
+                     "(did you mean 'nrf52840_radio'?)"),
         (3, "expected the name of a datasheet (known: cc1000, cc2420, nrf52840_radio) or a mapping, got the number 3"),
         (["cc2420"],
          "expected the name of a datasheet (known: cc1000, cc2420, nrf52840_radio) or a mapping, got a list"),

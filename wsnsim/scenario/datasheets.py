@@ -142,7 +142,7 @@ def _fields_of(node: LocatedValue, path: Keys, wanted: str) -> tuple[LocatedValu
         return broken, issues
     if sheet.sheet.value != wanted:
         message = f"'{_short(name)}' is a datasheet of a {_short(sheet.sheet.value)}, expected one of a {wanted}"
-        return broken, [*issues, node.spot.issue(path, f"{message} ({_known(wanted)})")]
+        return broken, [*issues, node.spot.issue(path, f"{message} ({did_you_mean(name, sheets(wanted))})")]
     return sheet.fields, issues + _issues_of_sources(sheet.sources, path, sheet.fields.value)
 
 
