@@ -47,7 +47,7 @@ def test_the_command_refuses_what_it_cannot_do_in_one_line(wsnsim):
     for words, code, message in (
         (["xx.h5"], 1, "xx.h5: no such file, did you mean 'x.h5'?"),
         (["text.h5"], 1, "text.h5: is not a wsnsim result"),
-        (["x.h5", "--out", "x.h5"], 2, "x.h5 is the result itself"),
+        (["x.h5", "--out", "x.h5"], 2, "expected a file with the suffix .html"),
         (["x.h5", "--out", "none/x.html"], 2, "folder does not exist: none"),
         (["x.h5", "--replicate", "3"], 2, "no replicate 3; it has 0"),
         (["x.h5", "--megabytes", "0"], 2, "'--megabytes'"),

@@ -87,6 +87,11 @@ class ResultFile:
         with contextlib.suppress(Exception):  # closing fails on a full disk; the temporary file is removed all the same
             self._opened.__exit__(kind, error, traceback)
 
+    def _close(self, kind: object, *_: object) -> None:
+        """Close the HDF5 file. After an error, as of a full disk, closing may fail, too: the first error counts."""
+        with contextlib.suppress(OSError, RuntimeError) if kind else contextlib.nullcontext():
+            self._file.close()
+
     def wants(self, table: str) -> bool:
         """Whether the rows of the table are kept."""
         return table in self._wanted
@@ -116,7 +121,7 @@ class ResultFile:
     def _begin(self, stack: contextlib.ExitStack) -> None:
         self._in_memory = set(self._wanted) <= set(rows.SHORT_TABLES)  # HDF5 may crash on a full disk
         self._file = _create(self._tmp, self._in_memory)
-        stack.callback(self._file.close)
+        stack.push(self._close)
         attributes = self._file.attrs
         attributes["schema_version"] = rows.SCHEMA_VERSION
         attributes["wsnsim_version"] = __version__
