@@ -257,3 +257,12 @@ def test_more_points_and_fewer_replicates_leave_what_is_there(tmp_path: Path) ->
     pool = Pool(folder)
     run_campaign(folder, pool)
     assert len(pool.written) == 1 and before.items() <= files_of(tmp_path).items()
+
+
+def test_runs_of_other_points_and_replicates_are_counted_as_outside_the_campaign(tmp_path: Path) -> None:
+    folder = prepare(plan(), tmp_path)
+    run_campaign(folder, Pool(folder))
+    assert folder.outside_manifest(folder.manifest()) == 0
+    for changed, outside in (({"replicates": 1}, 4), ({"grid": {"tracker.particles": [20]}}, 3)):
+        folder = prepare(plan(**changed), tmp_path)
+        assert folder.outside_manifest(folder.manifest()) == outside
