@@ -182,6 +182,7 @@ def test_different_numbers_of_particles_are_hinted_at() -> None:
         (100, 0.9, 0.75, 0.0, False),  # the spread covers the error
         (100, 0.9, 0.0, 1.0, True),  # all particles were in one place
         (100, NAN, 1.0, 0.0, False),  # no step has an estimate
+        (100, NAN, 0.0, NAN, False),  # without a position there is no covariance
         (None, 2.6e4, 0.75, 3.0, False),  # a Kalman filter
     ],
 )

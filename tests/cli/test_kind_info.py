@@ -120,7 +120,7 @@ def test_the_text_has_everything_and_fits_a_hundred_columns(capsys: pytest.Captu
             assert one.text() in flat
         assert found.import_line in flat
     assert "There is also a scenario of this name: wsnsim info scenario pso_mhpf" in said(capsys, "info", "pso_mhpf")
-    assert said(capsys, "info", "scenario", "pso_mhpf").startswith("energy: first_order.")
+    assert said(capsys, "info", "scenario", "pso_mhpf").startswith("pso_mhpf, in SI units")
 
 
 def test_the_import_line_imports_the_class_of_the_kind() -> None:

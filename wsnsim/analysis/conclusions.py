@@ -236,9 +236,9 @@ def degenerate(particles: int | None, nees: float, lost: float, singular: float)
         lost: share of the runs in which the target was lost at any time.
         singular: number of steps at which all particles were in one place or on a line.
     """
-    if not particles or not (singular or (lost and nees > OVERCONFIDENT)):
+    if not particles or not (singular > 0.0 or (lost > 0.0 and nees > OVERCONFIDENT)):
         return ""
-    said = f"median NEES {nees:.2g}" + f", {singular:.0f} singular covariances" * bool(singular)
+    said = f"median NEES {nees:.2g}" + f", {singular:.0f} singular covariances" * (singular > 0.0)
     return f"its {particles:,} {DEGENERATED} ({said}): try more of them, or more process noise in the filter"
 
 
