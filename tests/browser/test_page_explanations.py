@@ -52,7 +52,7 @@ def test_the_answer_stands_above_everything_else(browser, made):  # noqa: F811
 @pytest.mark.parametrize("width", [390, 1200])
 def test_a_term_is_explained_on_hover(browser, made, width):  # noqa: F811
     page = browser.open(f"file://{made[1]}", width=width)
-    for key in ("rmse", "energy"):
+    for key in ("tracked", "energy"):
         at = centre(page, QUANTITIES[key].name)
         page.order("Input.dispatchMouseEvent", type="mouseMoved", **at)
         page.until(f"{TIP}.textContent === {QUANTITIES[key].definition!r}")

@@ -26,7 +26,10 @@ def workers_of(engine: DaskEngine) -> Mapping[str, int]:
 
 def reasons_of(ended: campaign.CampaignOutcome, folder: Folder) -> list[str]:
     """Why each point failed, '' if it did not."""
-    assert sorted(folder.failures()) == sorted(ended.failed) and not ended.stopped
+    written, counted = (
+        [each.partition(".")[0] for each in sorted(found)] for found in (folder.failures(), ended.failed)
+    )
+    assert written == counted and not ended.stopped  # a point without a possible run is counted as a whole
     failed = {task.partition(".")[0]: words for task, words in ended.failed.items()}
     return [failed.get(point.id, "") for point in folder.manifest().points]
 
@@ -37,7 +40,7 @@ def test_tasks_that_crash_or_raise_are_named_and_the_rest_is_done(begun: Begun, 
     ended = campaign.run_campaign(folder, engine_of(folder), access=TRUSTED)
     reasons = reasons_of(ended, folder)
     assert reasons[:2] == ["", "killed 2 workers"] and reasons[3] == ""
-    assert reasons[2].endswith("ArithmeticError: told to fail")
+    assert "ArithmeticError: told to fail" in reasons[2]
     assert ended.done == 2 and len(files(folder)) == 2
 
 

@@ -146,7 +146,7 @@ class Scenario(BaseModel):  # noqa: PLW1641 - pydantic gives frozen models their
     """
 
     model_config = FROZEN
-    roles: ClassVar = AT_TOP
+    roles: ClassVar[dict[str, Any]] = AT_TOP
     name: Annotated[str, Strict(), names("a file")] = Field(description="name of scenario and result")
     seed: Annotated[int, Number(Quantity("", ge=0), whole=True)] = Field(0, description="seed of every random stream")
     replicates: Annotated[int, Number(Quantity("", ge=1, le=100_000), whole=True)] = Field(
