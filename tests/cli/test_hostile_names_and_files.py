@@ -112,6 +112,16 @@ def test_every_command_prints_through_the_function_that_escapes() -> None:
             assert "click.echo(" not in text and "click.secho(" not in text, file
 
 
+def test_a_trace_begins_at_the_largest_error_if_there_is_a_target(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "rkf", "--set", "duration=3 s", "--out", "x.h5", "--quiet"]) == 0
+    assert main(["run", "beacons", "--set", "duration=1 s", "--out", "y.h5", "--quiet"]) == 0
+    capsys.readouterr()
+    assert main(["trace", "x.h5"]) == 0 and "replicate 0, step " in capsys.readouterr().out
+    assert (
+        said(["trace", "y.h5"], 2, capsys) == "wsnsim: error: y.h5 has no target, and no largest error: give --step K\n"
+    )
+
+
 @pytest.mark.parametrize(
     ("words", "suffix"),
     [

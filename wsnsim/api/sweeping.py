@@ -302,8 +302,7 @@ def compare(  # noqa: PLR0913
     if trackers is None:
         if changes or replicates is not None or overrides or seed is not None or out is not None:
             raise UsageError("compare() runs a scenario only with trackers, such as trackers=['ekf', 'pf']")
-        given = source.out if isinstance(source, SweepResult) else source
-        return _compared(_campaign(given), metric, (by, baseline), bound, Plugins.NONE)
+        return _compared(_campaign(source), metric, (by, baseline), bound, Plugins.NONE)
     overrides_of("compare", changes, (), None, ())  # which names this function in what it raises
     arguments.demand_several(trackers)
     found = sweep(
@@ -323,7 +322,8 @@ def _demand_complete(found: SweepResult) -> None:
 
 
 def _campaign(folder: Any) -> Folder:
-    """The folder of a campaign. Raises UsageError for what is none."""
+    """The folder of a campaign, or of what `sweep` returned. Raises UsageError for what is none."""
+    folder = folder.out if isinstance(folder, SweepResult) else folder
     if not isinstance(folder, str | Path) or not os.path.isdir(folder):  # noqa: PTH112 - long names
         raise UsageError(
             f"compare(): {shown_value(folder)} is not the folder of a campaign; a scenario needs trackers to compare,"

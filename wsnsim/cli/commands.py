@@ -109,8 +109,11 @@ def trace(result: Path, step: int | None, replicate: int, target: int | None, li
     """
     from wsnsim.analysis import trace as tracing
     from wsnsim.analysis.plot_data import telling_step
+    from wsnsim.recording import attributes
 
     with reading(result):
+        if step is None and not attributes(result)["states"]:
+            raise UsageError(f"{result} has no target, and no largest error: give --step K")
         step = telling_step(result, replicate, target or 0) if step is None else step
         picked = tracing.trace(result, step, replicate, target, limit)
         answer = tracing.as_json(picked) if as_json else tracing.text(picked)
